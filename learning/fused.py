@@ -1,0 +1,500 @@
+"""Continuous TD(lambda) for the cascade network as one compiled loop, on the tensors of the torch module.
+
+The algorithm is that of :mod:`swimmer_mj.learning.continuous_td`, step by step; what differs is the order of the
+arithmetic. One learner is a chain of dependent steps, so what counts is latency:
+
+- forward: when neuron i fires, its output is pushed at once to all later neurons (one column of weights), so that the
+  chain from one neuron to the next is a tanh and one multiply-add;
+- backward: when the error of neuron i is known, it is pushed at once to all earlier ones (one row of weights);
+- update: one pass moves weights and traces by the Euler step.
+
+Columns and rows are both contiguous because the kernel keeps the weights twice, as ``W`` (neuron, source) and as
+``T`` (source, neuron), with traces and rates likewise, and updates both. ``T`` is copied from ``W`` at each trial's
+start. Rows are padded to whole SIMD vectors; where there is no connection the rate is zero and so the weight stays zero.
+
+In float32, tanh is a rational function with an absolute error below 3e-7; in float64 it is the C library's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numba import njit
+from numpy.typing import NDArray
+
+from swimmer_mj.learning.continuous_td import Moment, TDSettings
+from swimmer_mj.learning.networks import Cascade
+from swimmer_mj.learning.problem import ControlProblem
+from swimmer_mj.lowlevel import LANES, load, multiply, multiply_add, round_up, splat, store
+
+__all__ = ["FusedTD", "SampleStatistics", "TrialStatistics"]
+
+Array = NDArray[np.float64]
+Real = NDArray[Any]  # the learner's dtype
+
+FAST = {"contract", "nsz", "arcp"}
+"""Multiply-adds may be fused; nothing may be assumed of NaN or infinity, nor sums reordered."""
+
+
+class Workspace(NamedTuple):
+    """Everything that the kernel writes, besides the tensors. ``Q`` sources and ``P`` neurons, padded."""
+
+    W: Real  # weights (n, Q)
+    T: Real  # the same, transposed (Q, P)
+    W_trace: Real
+    T_trace: Real
+    W_rate: Real
+    T_rate: Real
+    source: Real  # inputs, 1 for the bias, outputs of hidden neurons (Q,)
+    activation: Real  # (P,)
+    delta: Real  # dV/d(activation) (P,)
+    gradient: Real  # dV/d(source) (Q,)
+    dVdx: Array  # (p,)
+    x: Array  # (p,)
+    a: Array  # drift (p,)
+    B: Array  # control matrix (p, q)
+    u: Array  # control (q,)
+    f: Array  # a + B u (p,)
+
+
+class TrialStatistics(NamedTuple):
+    """Means over each trial, shape (trials,)."""
+
+    value: Array
+    squared_hamiltonian: Array
+    reward: Array
+
+
+class SampleStatistics(NamedTuple):
+    """V and H at given states, shape (states,)."""
+
+    value: Array
+    hamiltonian: Array
+
+
+class Rollouts(NamedTuple):
+    """Episodes under the greedy policy, shape (episodes,)."""
+
+    reward: Array
+    """Mean reward rate after the first ``skip`` seconds."""
+    discounted_return: Array
+    """Integral of exp(-s_gamma t) r over the whole episode."""
+
+
+class _Kernel(NamedTuple):
+    train: Callable[..., None]
+    learn_once: Callable[..., tuple[float, float]]
+    load_weights: Callable[..., None]
+    store_weights: Callable[..., None]
+    sample: Callable[..., None]
+    rollout: Callable[..., None]
+
+
+@njit(fastmath=FAST, error_model="numpy", inline="always")
+def _tanh32(x: np.float32) -> np.float32:
+    """tanh(x) to 3e-7 by a rational function of degree 13 over 6.
+
+    Coefficients: ``ptanh_float`` of Eigen 3.4 (MathFunctionsImpl.h).
+    """
+    limit = np.float32(7.90531110763549805)
+    x = min(max(x, -limit), limit)
+    s = x * x
+    p = s * np.float32(-2.76076847742355e-16) + np.float32(2.00018790482477e-13)
+    p = s * p + np.float32(-8.60467152213735e-11)
+    p = s * p + np.float32(5.12229709037114e-08)
+    p = s * p + np.float32(1.48572235717979e-05)
+    p = s * p + np.float32(6.37261928875436e-04)
+    p = s * p + np.float32(4.89352455891786e-03)
+    q = s * np.float32(1.19825839466702e-06) + np.float32(1.18534705686654e-04)
+    q = s * q + np.float32(2.26843463243900e-03)
+    q = s * q + np.float32(4.89352518554385e-03)
+    return x * p / q
+
+
+@njit(inline="always")
+def _tanh64(x: float) -> float:
+    return math.tanh(x)
+
+
+@lru_cache(maxsize=16)
+def _compile(
+    dynamics: Callable[..., None],
+    reward: Callable[..., float],
+    inputs: Callable[..., None],
+    input_pullback: Callable[..., None],
+    m: int,
+    single_precision: bool,
+) -> _Kernel:
+    """Compile the kernel for a problem with ``m`` network inputs."""
+    real: Any = np.float32 if single_precision else np.float64
+    tanh = _tanh32 if single_precision else _tanh64
+    one = real(1.0)
+    first = m + 1  # index of the first hidden neuron among the sources
+
+    options: dict[str, Any] = {"fastmath": FAST, "error_model": "numpy", "nogil": True}
+
+    @njit(**options)
+    def load_weights(weight: Real, trace: Real, rate: Real, ws: Workspace) -> None:
+        """From the tensors, shape (n, m + n), to both copies of the workspace."""
+        n, sources = weight.shape
+        for i in range(n):
+            for j in range(first + i):
+                ws.W[i, j] = ws.T[j, i] = weight[i, j]
+                ws.W_trace[i, j] = ws.T_trace[j, i] = trace[i, j]
+                ws.W_rate[i, j] = ws.T_rate[j, i] = rate[i, j]
+
+    @njit(**options)
+    def store_weights(weight: Real, trace: Real, ws: Workspace) -> None:
+        """From the workspace to the tensors."""
+        for i in range(weight.shape[0]):
+            for j in range(first + i):
+                weight[i, j] = ws.W[i, j]
+                trace[i, j] = ws.W_trace[i, j]
+
+    @njit(**options)
+    def value_and_gradients(x: Array, ws: Workspace) -> float:
+        """V; fills dVdx, and source and delta, whose outer product is dV/dW."""
+        n, Q = ws.W.shape
+        P = ws.T.shape[1]
+        hidden = n - 1
+        source, activation, delta, gradient = ws.source, ws.activation, ws.delta, ws.gradient
+
+        inputs(x, source)
+        source[m] = one
+        zero = splat(real(0.0))
+        for j in range(0, P, LANES):
+            store(activation, j, zero)
+        for k in range(first):
+            y = splat(source[k])
+            for j in range(0, P, LANES):
+                store(activation, j, multiply_add(y, load(ws.T, k * P + j), load(activation, j)))
+        for i in range(hidden):
+            y_i = tanh(activation[i])
+            k = first + i
+            source[k] = y_i
+            y = splat(y_i)
+            for j in range((i + 1) // LANES * LANES, P, LANES):
+                store(activation, j, multiply_add(y, load(ws.T, k * P + j), load(activation, j)))
+        V = activation[hidden]
+
+        for j in range(0, Q, LANES):
+            store(gradient, j, load(ws.W, hidden * Q + j))
+        delta[hidden] = one
+        for i in range(hidden - 1, -1, -1):
+            y_i = source[first + i]
+            delta_i = (one - y_i * y_i) * gradient[first + i]
+            delta[i] = delta_i
+            d = splat(delta_i)
+            for j in range(0, first + i, LANES):
+                store(gradient, j, multiply_add(d, load(ws.W, i * Q + j), load(gradient, j)))
+        input_pullback(source, gradient, ws.dVdx)
+        return V
+
+    @njit(**options)
+    def decide(limits: Array, ws: Workspace) -> float:
+        """The greedy control u and f = a + B u; returns dV/dx . f."""
+        p, q = ws.B.shape
+        rate = 0.0
+        for i in range(p):
+            ws.f[i] = ws.a[i]
+            rate += ws.a[i] * ws.dVdx[i]
+        for k in range(q):
+            slope = 0.0
+            for i in range(p):
+                slope += ws.B[i, k] * ws.dVdx[i]
+            ws.u[k] = limits[k] if slope > 0 else (-limits[k] if slope < 0 else 0.0)
+            rate += ws.u[k] * slope
+            for i in range(p):
+                ws.f[i] += ws.u[k] * ws.B[i, k]
+        return rate
+
+    @njit(**options)
+    def update(dt: float, H: float, s_gamma: float, s_lambda: float, ws: Workspace) -> None:
+        """w += dt eta H e, then e += dt (-(s_gamma + s_lambda) e + dV/dw), in both copies."""
+        n, Q = ws.W.shape
+        P = ws.T.shape[1]
+        gain = splat(real(dt * H))
+        decay = splat(real(1.0 - dt * (s_gamma + s_lambda)))
+        step = real(dt)
+        for i in range(n):
+            d = splat(step * ws.delta[i])
+            for j in range(0, first + i, LANES):
+                o = i * Q + j
+                e = load(ws.W_trace, o)
+                store(ws.W, o, multiply_add(multiply(gain, load(ws.W_rate, o)), e, load(ws.W, o)))
+                store(ws.W_trace, o, multiply_add(decay, e, multiply(d, load(ws.source, j))))
+        for k in range(m + n):
+            y = splat(step * ws.source[k])
+            for j in range(max(k - m, 0) // LANES * LANES, P, LANES):
+                o = k * P + j
+                e = load(ws.T_trace, o)
+                store(ws.T, o, multiply_add(multiply(gain, load(ws.T_rate, o)), e, load(ws.T, o)))
+                store(ws.T_trace, o, multiply_add(decay, e, multiply(y, load(ws.delta, j))))
+
+    @njit(**options)
+    def learn_once(
+        dt: float, s_gamma: float, s_lambda: float, limits: Array, r: float, ws: Workspace
+    ) -> tuple[float, float]:
+        """One learning step at ``ws.x``, given ``ws.a`` and ``ws.B``; fills ``ws.u`` and ``ws.f``; returns V and H."""
+        V = float(value_and_gradients(ws.x, ws))
+        H = r - s_gamma * V + decide(limits, ws)
+        update(dt, H, s_gamma, s_lambda, ws)
+        return V, H
+
+    @njit(**options)
+    def train(
+        constants: Any,
+        limits: Array,
+        initial_states: Array,
+        n_steps: int,
+        dt: float,
+        s_gamma: float,
+        s_lambda: float,
+        vario: tuple[float, float, float],
+        weight: Real,
+        trace: Real,
+        rate: Real,
+        base_rate: Real,
+        variance: Real,
+        ws: Workspace,
+        statistics: Array,
+    ) -> None:
+        """One trial from each initial state; ``statistics`` (trials, 3) gets the means of V, H^2 and r."""
+        n = weight.shape[0]
+        eta, beta, epsilon = vario
+        for trial in range(initial_states.shape[0]):
+            trace[:] = 0
+            ws.W_trace[:] = 0
+            ws.T_trace[:] = 0
+            load_weights(weight, trace, rate, ws)
+            for i in range(ws.x.size):
+                ws.x[i] = initial_states[trial, i]
+            sum_V = sum_H2 = sum_r = 0.0
+            for _ in range(n_steps):
+                dynamics(constants, ws.x, ws.a, ws.B)
+                r = reward(constants, ws.x)
+                V, H = learn_once(dt, s_gamma, s_lambda, limits, r, ws)
+                for i in range(ws.x.size):
+                    ws.x[i] += dt * ws.f[i]
+                sum_V += V
+                sum_H2 += H * H
+                sum_r += r
+            if beta > 0:
+                for i in range(n):
+                    for j in range(first + i):
+                        change = (ws.W[i, j] - weight[i, j]) / rate[i, j]
+                        v = (one - real(beta)) * variance[i, j] + real(beta) * change * change
+                        variance[i, j] = v
+                        rate[i, j] = base_rate[i, j] * real(eta) / (np.sqrt(v) + real(epsilon))
+            store_weights(weight, trace, ws)
+            statistics[trial, 0] = sum_V / n_steps
+            statistics[trial, 1] = sum_H2 / n_steps
+            statistics[trial, 2] = sum_r / n_steps
+
+    @njit(**options)
+    def sample(
+        constants: Any, limits: Array, states: Array, s_gamma: float, ws: Workspace, out: Array
+    ) -> None:
+        """V and H at each of ``states``, into ``out`` (states, 2)."""
+        for k in range(states.shape[0]):
+            for i in range(ws.x.size):
+                ws.x[i] = states[k, i]
+            dynamics(constants, ws.x, ws.a, ws.B)
+            V = float(value_and_gradients(ws.x, ws))
+            out[k, 0] = V
+            out[k, 1] = reward(constants, ws.x) - s_gamma * V + decide(limits, ws)
+
+    @njit(**options)
+    def rollout(
+        constants: Any,
+        limits: Array,
+        initial_states: Array,
+        n_steps: int,
+        n_skip: int,
+        dt: float,
+        s_gamma: float,
+        ws: Workspace,
+        out: Array,
+    ) -> None:
+        """Greedy episodes by RK4, control held over each step; means and returns into ``out`` (episodes, 2)."""
+        p, q = ws.B.shape
+        start = np.empty(p)
+        increment = np.empty(p)
+        for episode in range(initial_states.shape[0]):
+            for i in range(p):
+                ws.x[i] = initial_states[episode, i]
+            gain = 0.0
+            discounted = 0.0
+            for t in range(n_steps):
+                value_and_gradients(ws.x, ws)
+                for i in range(p):
+                    start[i] = ws.x[i]
+                    increment[i] = 0.0
+                for stage in range(4):
+                    dynamics(constants, ws.x, ws.a, ws.B)
+                    r = reward(constants, ws.x)
+                    if stage == 0:
+                        decide(limits, ws)
+                    else:
+                        for i in range(p):
+                            ws.f[i] = ws.a[i]
+                            for k in range(q):
+                                ws.f[i] += ws.B[i, k] * ws.u[k]
+                    share = (1.0 if stage in (0, 3) else 2.0) / 6.0
+                    fraction = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)  # of dt, of this stage
+                    following = 1.0 if stage == 2 else 0.5  # of dt, of the next
+                    discounted += share * dt * math.exp(-s_gamma * dt * (t + fraction)) * r
+                    if t >= n_skip:
+                        gain += share * r
+                    for i in range(p):
+                        increment[i] += share * ws.f[i]
+                        ws.x[i] = start[i] + dt * (increment[i] if stage == 3 else following * ws.f[i])
+            out[episode, 0] = gain / (n_steps - n_skip)
+            out[episode, 1] = discounted
+
+    return _Kernel(train, learn_once, load_weights, store_weights, sample, rollout)
+
+
+def _workspace(n: int, m: int, p: int, q: int, dtype: Any) -> Workspace:
+    Q, P = round_up(m + n), round_up(n)
+    rows, columns = (n, Q), (Q, P)
+    real = [np.zeros(shape, dtype) for shape in (rows, columns, rows, columns, rows, columns, Q, P, P, Q)]
+    return Workspace(*real, *(np.zeros(shape) for shape in (p, p, p, (p, q), q, p)))
+
+
+class FusedTD:
+    """The learner of equation 2 for a cascade network, compiled. It changes the network's weights in place.
+
+    Several instances may run in as many threads: the compiled loops hold no lock.
+
+    Parameters
+    ----------
+    problem : ControlProblem
+        What to learn; must have a compiled form.
+    network : Cascade
+        V_w, in float32 or float64.
+    settings : TDSettings
+        The algorithm's constants.
+    """
+
+    def __init__(self, problem: ControlProblem, network: Cascade, settings: TDSettings | None = None) -> None:
+        if not isinstance(network, Cascade):
+            raise TypeError(
+                f"the fused kernel learns Cascade networks, got {type(network).__name__}; use ContinuousTD"
+            )
+        compiled = problem.compile()
+        if compiled is None:
+            raise ValueError(f"problem {problem.name!r} has no compiled form; use ContinuousTD")
+        if network.n_inputs != problem.n_inputs:
+            raise ValueError(f"{problem.name} has {problem.n_inputs} inputs, the network {network.n_inputs}")
+        self.problem = problem
+        self.network = network
+        self.settings = settings = TDSettings() if settings is None else settings
+        dtype = network.weight.dtype
+        if dtype not in (torch.float32, torch.float64):
+            raise TypeError(f"the network must be float32 or float64, got {dtype}")
+        constants, *functions = compiled
+        self._constants = constants
+        self._kernel = _compile(*functions, problem.n_inputs, dtype == torch.float32)
+        (base,) = network.learning_rates(1.0, settings.output_scaling)
+        self.trace = torch.zeros_like(network.weight.data)
+        self.base_rate = base
+        self.variance = torch.full_like(base, settings.vario.initial_variance if settings.vario else 0.0)
+        self.rate = settings.initial_rate * base
+        self._limits = np.asarray(problem.control_limits, dtype=np.float64)
+        self._ws = _workspace(
+            network.n_neurons, problem.n_inputs, problem.state_size, len(self._limits), self.trace.numpy().dtype
+        )
+
+    def _load(self) -> None:
+        weight = self.network.weight.data.numpy()
+        self._kernel.load_weights(weight, self.trace.numpy(), self.rate.numpy(), self._ws)
+
+    def train(self, initial_states: Array) -> TrialStatistics:
+        """One trial from each of ``initial_states`` (trials, p), one after the other."""
+        states = np.ascontiguousarray(initial_states, dtype=np.float64)
+        settings, vario = self.settings, self.settings.vario
+        statistics = np.empty((len(states), 3))
+        self._kernel.train(
+            self._constants,
+            self._limits,
+            states,
+            settings.steps_per_trial,
+            settings.dt,
+            self.problem.s_gamma,
+            settings.s_lambda,
+            (settings.eta, vario.beta, vario.epsilon) if vario else (settings.eta, 0.0, 0.0),
+            self.network.weight.data.numpy(),
+            self.trace.numpy(),
+            self.rate.numpy(),
+            self.base_rate.numpy(),
+            self.variance.numpy(),
+            self._ws,
+            statistics,
+        )
+        return TrialStatistics(*statistics.T)
+
+    def start_trial(self) -> None:
+        """Zero traces, for :meth:`learn_at`."""
+        self.trace.zero_()
+        self._ws.W_trace[:] = 0
+        self._ws.T_trace[:] = 0
+        self._load()
+
+    def learn_at(self, x: Array) -> Moment:
+        """One learning step at ``x`` (p,) with the dynamics of ``problem`` itself rather than its compiled form.
+
+        For worlds that only Python can step. Call :meth:`start_trial` before the first step of a trial; the network's
+        tensors are brought up to date by :meth:`end_trial`.
+        """
+        ws, settings = self._ws, self.settings
+        ws.x[:] = x
+        ws.a[:], ws.B[:] = self.problem.drift_and_control_matrix(x)
+        V, H = self._kernel.learn_once(
+            settings.dt,
+            self.problem.s_gamma,
+            settings.s_lambda,
+            self._limits,
+            float(self.problem.reward(x)),
+            ws,
+        )
+        return Moment(ws.u.copy(), V, H)
+
+    def end_trial(self) -> None:
+        """Bring weights and traces of the torch module up to date after :meth:`learn_at`."""
+        if self.settings.vario is not None:
+            raise ValueError("vario-eta is not available one step at a time; use train()")
+        self._kernel.store_weights(self.network.weight.data.numpy(), self.trace.numpy(), self._ws)
+
+    def sample(self, states: Array) -> SampleStatistics:
+        """V and H at each of ``states`` (count, p); nothing is learned."""
+        states = np.ascontiguousarray(states, dtype=np.float64)
+        out = np.empty((len(states), 2))
+        self._load()
+        self._kernel.sample(self._constants, self._limits, states, self.problem.s_gamma, self._ws, out)
+        return SampleStatistics(*out.T)
+
+    def rollout(self, initial_states: Array, duration: float, skip: float = 0.0, dt: float = 0.01) -> Rollouts:
+        """Greedy episodes of ``duration`` seconds by RK4 with the control held for ``dt``; nothing is learned."""
+        states = np.ascontiguousarray(initial_states, dtype=np.float64)
+        if not 0 <= skip < duration:
+            raise ValueError(f"skip must be in [0, duration), got skip {skip} and duration {duration}")
+        out = np.empty((len(states), 2))
+        self._load()
+        self._kernel.rollout(
+            self._constants,
+            self._limits,
+            states,
+            round(duration / dt),
+            round(skip / dt),
+            dt,
+            self.problem.s_gamma,
+            self._ws,
+            out,
+        )
+        return Rollouts(*out.T)

@@ -1,0 +1,44 @@
+"""Vario-eta (section 3.2; Neuneier and Zimmermann 1998): a learning rate for each weight from the noise of its changes.
+
+Written for anything that multiplies like an array: NumPy arrays, torch tensors, numbers in compiled code.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeVar
+
+__all__ = ["VarioEta", "learning_rate", "variance"]
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class VarioEta:
+    """Constants of the recursion."""
+
+    beta: float = 0.01
+    """Variance decay per trial (paper: "a typical choice is 1/100")."""
+    epsilon: float = 0.01
+    """Bounds the rate at eta / epsilon (chosen: far below the noise seen, 0.1 to 10)."""
+    initial_variance: float = 100.0
+    """v_i(0), "a large enough value" (chosen: rates start at about eta / 10 and grow)."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.beta <= 1:
+            raise ValueError(f"beta must be in (0, 1], got {self.beta!r}")
+        for name in ("epsilon", "initial_variance"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be positive and finite, got {value!r}")
+
+
+def variance(v: T, change: T, rate: T, beta: float) -> T:
+    """v_i(k+1) = (1 - beta) v_i(k) + beta ((w_i(k+1) - w_i(k)) / eta_i(k))^2, with ``change`` the difference."""
+    return (1 - beta) * v + beta * (change / rate) ** 2  # type: ignore[operator, return-value]
+
+
+def learning_rate(v: T, eta: float, epsilon: float) -> T:
+    """eta_i(k) = eta / (sqrt(v_i(k)) + epsilon)."""
+    return eta / (v**0.5 + epsilon)  # type: ignore[operator, return-value]

@@ -1,0 +1,169 @@
+"""Curves: the progress of learning (figure 2), and what happens in one episode."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
+from numpy.typing import NDArray
+
+from swimmer_mj import state as st
+from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, plain_axes
+from swimmer_mj.trajectory import Trajectory
+
+__all__ = ["METRICS", "OPEN_LOOP_SPEED", "learning_curve", "read_metrics", "rollout_plot"]
+
+Array = NDArray[np.float64]
+
+METRICS = ("trial", "seconds", "mean_value", "mean_squared_hamiltonian", "speed")
+"""Columns of a run's metrics.csv: -, s, m, m^2/s^2, m/s."""
+
+OPEN_LOOP_SPEED = {3: 0.36, 4: 0.35, 5: 0.54}
+"""Speed of the best open-loop travelling wave of bang-bang torques by number of links, m/s (A.5's values)."""
+
+
+def read_metrics(path: str | os.PathLike[str]) -> dict[str, Array]:
+    """Read the columns of a metrics.csv by name, each of shape (evaluations,).
+
+    Columns besides :data:`METRICS` are ignored, and so is a last line that is still being written.
+    """
+    with open(path, newline="", encoding="utf-8") as file:
+        text = file.read()
+    lines = text[: text.rfind("\n") + 1].splitlines()
+    reader = csv.DictReader(lines)
+    if missing := [name for name in METRICS if name not in (reader.fieldnames or [])]:
+        raise ValueError(f"{os.fspath(path)} lacks the column {missing[0]!r}")
+    try:
+        rows = [[float(row[name]) for name in METRICS] for row in reader]
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{os.fspath(path)}, line {reader.line_num}: {error}") from None
+    if not rows:
+        raise ValueError(f"{os.fspath(path)} has no rows")
+    return dict(zip(METRICS, np.array(rows).T, strict=True))
+
+
+def learning_curve(
+    runs: Sequence[tuple[str, str | os.PathLike[str]]], *, reference_speed: float | None = None
+) -> Figure:
+    """Mean value, mean squared Hamiltonian and swimming speed against trials, after figure 2.
+
+    Parameters
+    ----------
+    runs : sequence of (label, path of a metrics.csv)
+        A run is one line in each panel. A star marks its fastest evaluation, the best checkpoint.
+    reference_speed : float, optional
+        A speed to compare with, m/s: a dashed line, such as :data:`OPEN_LOOP_SPEED` [5].
+    """
+    if not runs:
+        raise ValueError("a learning curve needs at least one run")
+    metrics = [(label, read_metrics(path)) for label, path in runs]
+    figure = Figure(figsize=(7.2, 7.4), layout="constrained")
+    value, hamiltonian, speed = figure.subplots(3, 1, sharex=True)
+    for axes in (value, hamiltonian, speed):
+        plain_axes(axes)
+
+    for i, (label, run) in enumerate(metrics):
+        color = COLORS[i % len(COLORS)]
+        few = "o" if run["trial"].size < 3 else None  # a line through one or two points shows nothing
+        style = {"color": color, "linewidth": 1.5, "marker": few, "markersize": 3.5}
+        value.plot(run["trial"], run["mean_value"], label=label, **style)
+        hamiltonian.plot(run["trial"], run["mean_squared_hamiltonian"], **style)
+        speed.plot(run["trial"], run["speed"], **style)
+        if np.isfinite(run["speed"]).any():
+            best = int(np.nanargmax(run["speed"]))
+            speed.plot(
+                run["trial"][best],
+                run["speed"][best],
+                "*",
+                color=color,
+                markersize=13,
+                markeredgecolor="white",
+                label="best" if i == 0 else None,
+                zorder=3,
+            )
+    if reference_speed is not None:
+        speed.axhline(
+            reference_speed,
+            color=INK,
+            linewidth=1.1,
+            linestyle=(0, (5, 3)),
+            label=f"open-loop wave, {reference_speed:g} m/s",
+        )
+    value.set_ylabel(r"$\langle V \rangle_S$  (m)")
+    hamiltonian.set_ylabel(r"$\langle H^2 \rangle_S$  (m$^2$/s$^2$)")
+    speed.set_ylabel("swimming speed  (m/s)")
+    speed.set_xlabel("trials")
+    speed.xaxis.set_major_formatter(EngFormatter(sep=""))
+    if all((run["mean_squared_hamiltonian"] > 0).any() for _, run in metrics):
+        hamiltonian.set_yscale("log")
+    if len(metrics) > 1:
+        columns = min(len(metrics), 4)
+        value.legend(frameon=False, fontsize=9, ncols=columns, loc="lower left", bbox_to_anchor=(0, 1))
+    speed.legend(frameon=False, fontsize=9, loc="lower right")
+    figure.align_ylabels()
+    return figure
+
+
+def rollout_plot(trajectory: Trajectory) -> Figure:
+    """Angles, torques, speed, and V and H along one episode, in four panels over one time axis.
+
+    V and H are left out of their panel where the trajectory does not know them.
+    """
+    n, times = trajectory.parameters.n_links, trajectory.times
+    figure = Figure(figsize=(8.4, 8.8), layout="constrained")
+    angle, torque, speed, value = figure.subplots(4, 1, sharex=True, height_ratios=[1.2, 1.0, 1.0, 1.0])
+    for axes in (angle, torque, speed, value):
+        plain_axes(axes)
+
+    angles = np.degrees(st.split(trajectory.states, n).angles)
+    for i in range(n):
+        angle.plot(
+            times, angles[:, i], color=COLORS[i % len(COLORS)], linewidth=1.3, label=rf"$\theta_{{{i + 1}}}$"
+        )
+    angle.set_ylabel("angle  (degrees)")
+    angle.legend(frameon=False, fontsize=9, ncols=n, loc="lower left", bbox_to_anchor=(0, 1))
+
+    _torque_lanes(torque, trajectory)
+
+    speed.plot(times, trajectory.speeds(), color=BLUE, linewidth=1.3)
+    if trajectory.n_steps:
+        mean = trajectory.speed(times[0])
+        speed.axhline(mean, color=INK, linewidth=1.1, linestyle=(0, (5, 3)), label=f"mean {mean:.2f} m/s")
+        speed.legend(frameon=False, fontsize=9, loc="lower left", bbox_to_anchor=(0, 1))
+    speed.set_ylabel("speed along\ntarget  (m/s)")
+
+    value.plot(times, trajectory.values, color=BLUE, linewidth=1.3)
+    value.set_ylabel("$V$  (m)", color=BLUE)
+    hamiltonian = value.twinx()
+    hamiltonian.spines["top"].set_visible(False)
+    hamiltonian.plot(times, trajectory.hamiltonians, color=ORANGE, linewidth=1.0)
+    hamiltonian.set_ylabel("$H$  (m/s)", color=ORANGE)
+    for axes, series in ((value, trajectory.values), (hamiltonian, trajectory.hamiltonians)):
+        if not np.isfinite(series).any():
+            axes.set_yticks([])
+            axes.set_ylabel("")
+    value.set_xlabel("time  (s)")
+    figure.align_ylabels([angle, torque, speed, value])
+    return figure
+
+
+def _torque_lanes(axes: Axes, trajectory: Trajectory) -> None:
+    """Draw a lane a joint, u_1 on top: filled upwards where the torque is positive, else downwards."""
+    limits = trajectory.parameters.torque_limits
+    for i, limit in enumerate(limits):
+        lane, u = -float(i), trajectory.controls[:, i] / limit
+        axes.axhline(lane, color=GREY, linewidth=0.5)
+        if u.size:
+            for part, color in ((u.clip(min=0), BLUE), (u.clip(max=0), ORANGE)):
+                axes.stairs(lane + 0.42 * part, trajectory.times, baseline=lane, fill=True, color=color)
+    axes.grid(visible=False, axis="y")
+    axes.set_yticks(-np.arange(len(limits)), [f"$u_{{{i + 1}}}$" for i in range(len(limits))])
+    axes.set_ylim(-len(limits) + 0.4, 0.6)
+    same = np.unique(limits)
+    scale = f"$\\pm${same[0]:g} N·m" if same.size == 1 else "$\\pm U_i$"
+    axes.set_ylabel(f"torque\n(lane: {scale})" if limits.size else "no joints")

@@ -1,0 +1,37 @@
+"""Coulom's (2002) swimmer: its physics, a dm_control task of it, and the learner that made it swim.
+
+    env = swimmer_mj.load("swim5")                # a dm_control Environment
+    swimmer_mj.register()                         # then dm_control.suite.load("coulom_swimmer", "swim5")
+    p = swimmer_mj.SwimmerParameters(n_links=4)   # SI units; swimmer_mj.PAPER has the paper's values
+
+Importing this package imports neither MuJoCo nor torch and changes nothing; each part is imported when it is used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from swimmer_mj.parameters import PAPER, SwimmerParameters
+
+if TYPE_CHECKING:
+    from swimmer_mj.suite import SUITE, load, register, unregister
+
+__all__ = ["PAPER", "SUITE", "SwimmerParameters", "__version__", "load", "register", "unregister"]
+
+_FROM_SUITE = ("SUITE", "load", "register", "unregister")
+
+
+def __getattr__(name: str) -> Any:
+    if name in _FROM_SUITE:
+        from swimmer_mj import suite
+
+        return getattr(suite, name)
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("swimmer-mj")
+    raise AttributeError(f"module 'swimmer_mj' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

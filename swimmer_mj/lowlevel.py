@@ -1,0 +1,129 @@
+"""What numba does not offer and tight loops need: small arrays on the stack, and explicit SIMD vectors.
+
+A vector has :data:`LANES` numbers of one floating type. LLVM maps it to whatever registers the processor has
+(one of AVX-512 in float32, four of NEON), so that code written with vectors has neither remainder loops nor
+the run-time alias checks that keep numba's own vectoriser from being useful on short rows.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, models, register_model
+
+__all__ = ["LANES", "load", "multiply", "multiply_add", "round_up", "splat", "stack_buffer", "store"]
+
+LANES = 16
+"""Numbers in a vector; rows that vectors walk along are padded to a multiple of it."""
+
+
+def round_up(size: int) -> int:
+    """The smallest multiple of :data:`LANES` that is at least ``size``."""
+    return -(-size // LANES) * LANES
+
+
+class _Vector(types.Type):
+    """Numba type of LANES numbers of type ``dtype``."""
+
+    def __init__(self, dtype: types.Float) -> None:
+        self.dtype = dtype
+        super().__init__(name=f"Vector({dtype}, {LANES})")
+
+
+@register_model(_Vector)
+class _VectorModel(models.PrimitiveModel):
+    def __init__(self, dmm: Any, fe_type: _Vector) -> None:
+        lane = dmm.lookup(fe_type.dtype).get_value_type()
+        super().__init__(dmm, fe_type, ir.VectorType(lane, LANES))
+
+
+def _address(context: Any, builder: Any, array_type: types.Array, array: Any, offset: Any) -> tuple[Any, int]:
+    """Pointer to the vector that starts at flat index ``offset`` of a contiguous array, and its alignment."""
+    lane = context.get_value_type(array_type.dtype)
+    data = context.make_array(array_type)(context, builder, array).data
+    pointer = builder.bitcast(builder.gep(data, [offset]), ir.VectorType(lane, LANES).as_pointer())
+    return pointer, context.get_abi_sizeof(lane)
+
+
+@intrinsic
+def load(typing_context: Any, array: Any, offset: Any) -> Any:
+    """``load(array, offset)``: the vector ``array.flat[offset : offset + LANES]``."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        pointer, alignment = _address(context, builder, signature.args[0], *args)
+        return builder.load(pointer, align=alignment)
+
+    return _Vector(array.dtype)(array, types.intp), codegen
+
+
+@intrinsic
+def store(typing_context: Any, array: Any, offset: Any, vector: Any) -> Any:
+    """``store(array, offset, vector)``: ``array.flat[offset : offset + LANES] = vector``."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        pointer, alignment = _address(context, builder, signature.args[0], args[0], args[1])
+        builder.store(args[2], pointer, align=alignment)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, vector), codegen
+
+
+@intrinsic
+def splat(typing_context: Any, scalar: Any) -> Any:
+    """``splat(scalar)``: the vector with ``scalar`` in every lane."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        vector = ir.VectorType(args[0].type, LANES)
+        undefined = ir.Constant(vector, ir.Undefined)
+        index = ir.IntType(32)
+        first = builder.insert_element(undefined, args[0], ir.Constant(index, 0))
+        return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(index, LANES), [0] * LANES))
+
+    return _Vector(scalar)(scalar), codegen
+
+
+@intrinsic
+def multiply(typing_context: Any, a: Any, b: Any) -> Any:
+    """``multiply(a, b)``: a * b, lane by lane."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.fmul(*args)
+
+    return a(a, a), codegen
+
+
+@intrinsic
+def multiply_add(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+    """``multiply_add(a, b, c)``: a * b + c, lane by lane, rounded once."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        vector = args[0].type
+        suffix = "f32" if isinstance(vector.element, ir.FloatType) else "f64"
+        fma = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(vector, [vector] * 3), f"llvm.fma.v{LANES}{suffix}"
+        )
+        return builder.call(fma, args)
+
+    return a(a, a, a), codegen
+
+
+@intrinsic
+def stack_buffer(typing_context: Any, size: Any) -> Any:
+    """``stack_buffer(size)``: pointer to ``size`` (a constant) float64 on the stack, for ``numba.carray``.
+
+    Lives as long as the calling function; not initialised. Once loops over it are unrolled, LLVM keeps its
+    numbers in registers.
+    """
+    if not isinstance(size, types.IntegerLiteral):
+        return None
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        with builder.goto_entry_block():
+            buffer = builder.alloca(ir.ArrayType(ir.DoubleType(), size.literal_value))
+            buffer.align = 64
+        return builder.bitcast(buffer, ir.DoubleType().as_pointer())
+
+    return types.CPointer(types.float64)(size), codegen
