@@ -24,7 +24,9 @@ __all__ = ["load_checkpoint", "save_checkpoint"]
 _KEY = "swimmer_mj"
 
 
-def save_checkpoint(path: str | os.PathLike[str], tensors: Mapping[str, Tensor], info: Mapping[str, Any]) -> None:
+def save_checkpoint(
+    path: str | os.PathLike[str], tensors: Mapping[str, Tensor], info: Mapping[str, Any]
+) -> None:
     """Write ``tensors`` and ``info`` (JSON values) to ``path``, and ``info`` to the .json beside it."""
     text = json.dumps(info, indent=2)
     contiguous = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}

@@ -8,6 +8,8 @@ the last 10 of 20 seconds.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +32,7 @@ __all__ = [
     "SwimmingSpeed",
     "evaluate_swimming",
     "evaluation_states",
+    "mean_and_interval",
     "monte_carlo_value",
     "record_episode",
 ]
@@ -71,11 +74,7 @@ def mean_and_interval(values: Array) -> tuple[float, tuple[float, float]]:
 
 
 def evaluate_swimming(
-    agent: Agent,
-    parameters: SwimmerParameters,
-    *,
-    n_episodes: int = N_EPISODES,
-    on_progress: Callable[[float], None] | None = None,
+    agent: Agent, parameters: SwimmerParameters, *, n_episodes: int = N_EPISODES, workers: int = 1
 ) -> SwimmingSpeed:
     """Swimming speed of an agent, as defined above.
 
@@ -84,31 +83,48 @@ def evaluate_swimming(
     agent : callable
         From a batch of observations (a mapping of arrays with a leading axis of episodes) to as many actions.
     parameters : SwimmerParameters
-        The swimmer, of 3, 4 or 5 links or any number for which there is a task.
+        The swimmer, of 3, 4 or 5 links.
     n_episodes : int
         How many of the initial states to use; all 64 by definition.
-    on_progress : callable, optional
-        Called with the fraction that is done.
+    workers : int
+        Processes that share the episodes. More than one needs an agent that can be pickled and, as always with
+        processes that are spawned, a main module that can be imported.
     """
-    states = iter(evaluation_states(parameters.n_links, n_episodes))
-    task_kwargs = {"params": parameters, "time_limit": EPISODE_DURATION, "initial_states": lambda _: next(states)}
+    states = evaluation_states(parameters.n_links, n_episodes)
+    if workers == 1:
+        speeds = _episode_speeds(agent, parameters, states)
+    else:
+        parts = np.array_split(states, min(workers, n_episodes))
+        with ProcessPoolExecutor(len(parts), mp_context=get_context("spawn")) as pool:
+            count = len(parts)
+            speeds = np.concatenate(
+                list(pool.map(_episode_speeds, [agent] * count, [parameters] * count, parts))
+            )
+    return SwimmingSpeed(speeds, *mean_and_interval(speeds))
+
+
+def _episode_speeds(agent: Agent, parameters: SwimmerParameters, states: Array) -> Array:
+    """Speed of each of the episodes that start at ``states``, which are stepped side by side."""
+    remaining = iter(states)
+    task_kwargs = {
+        "params": parameters,
+        "time_limit": EPISODE_DURATION,
+        "initial_states": lambda _: next(remaining),
+    }
     name = f"swim{parameters.n_links}"
-    environments = [suite.load(name, task_kwargs=task_kwargs) for _ in range(n_episodes)]
+    environments = [suite.load(name, task_kwargs=task_kwargs) for _ in states]
     steps = [environment.reset() for environment in environments]
     n_steps = round(EPISODE_DURATION / environments[0].control_timestep())
     n_settling = round(SETTLING_TIME / environments[0].control_timestep())
-    rewards = np.zeros((n_steps, n_episodes))
+    rewards = np.zeros((n_steps, len(states)))
     for t in range(n_steps):
         batch = {key: np.stack([step.observation[key] for step in steps]) for key in steps[0].observation}
         actions = agent(batch)
         steps = [environment.step(a) for environment, a in zip(environments, actions, strict=True)]
         rewards[t] = [step.reward for step in steps]
-        if on_progress is not None:
-            on_progress((t + 1) / n_steps)
     for environment in environments:
         environment.physics.free()
-    speeds = rewards[n_settling:].mean(axis=0)
-    return SwimmingSpeed(speeds, *mean_and_interval(speeds))
+    return rewards[n_settling:].mean(axis=0)
 
 
 def record_episode(

@@ -9,8 +9,9 @@ arithmetic. One learner is a chain of dependent steps, so what counts is latency
 - update: one pass moves weights and traces by the Euler step.
 
 Columns and rows are both contiguous because the kernel keeps the weights twice, as ``W`` (neuron, source) and as
-``T`` (source, neuron), with traces and rates likewise, and updates both. ``T`` is copied from ``W`` at each trial's
-start. Rows are padded to whole SIMD vectors; where there is no connection the rate is zero and so the weight stays zero.
+``T`` (source, neuron), with traces and rates likewise, and updates both. ``T`` is copied from ``W`` at
+each trial's start. Rows are padded to whole SIMD vectors; where there is no connection the rate is zero and so the
+weight stays zero.
 
 In float32, tanh is a rational function with an absolute error below 3e-7; in float64 it is the C library's.
 """
@@ -30,7 +31,7 @@ from numpy.typing import NDArray
 from swimmer_mj.learning.continuous_td import Moment, TDSettings
 from swimmer_mj.learning.networks import Cascade
 from swimmer_mj.learning.problem import ControlProblem
-from swimmer_mj.lowlevel import LANES, load, multiply, multiply_add, round_up, splat, store
+from swimmer_mj.lowlevel import LANES, aligned_zeros, load, multiply, multiply_add, round_up, splat, store
 
 __all__ = ["FusedTD", "SampleStatistics", "TrialStatistics"]
 
@@ -104,15 +105,17 @@ def _tanh32(x: np.float32) -> np.float32:
     limit = np.float32(7.90531110763549805)
     x = min(max(x, -limit), limit)
     s = x * x
-    p = s * np.float32(-2.76076847742355e-16) + np.float32(2.00018790482477e-13)
-    p = s * p + np.float32(-8.60467152213735e-11)
-    p = s * p + np.float32(5.12229709037114e-08)
-    p = s * p + np.float32(1.48572235717979e-05)
-    p = s * p + np.float32(6.37261928875436e-04)
-    p = s * p + np.float32(4.89352455891786e-03)
-    q = s * np.float32(1.19825839466702e-06) + np.float32(1.18534705686654e-04)
-    q = s * q + np.float32(2.26843463243900e-03)
-    q = s * q + np.float32(4.89352518554385e-03)
+    s2 = s * s
+    s4 = s2 * s2
+    p = np.float32(4.89352455891786e-03) + s * np.float32(6.37261928875436e-04)
+    p += s2 * (np.float32(1.48572235717979e-05) + s * np.float32(5.12229709037114e-08))
+    p += s4 * (
+        np.float32(-8.60467152213735e-11)
+        + s * np.float32(2.00018790482477e-13)
+        + s2 * np.float32(-2.76076847742355e-16)
+    )
+    q = np.float32(4.89352518554385e-03) + s * np.float32(2.26843463243900e-03)
+    q += s2 * (np.float32(1.18534705686654e-04) + s * np.float32(1.19825839466702e-06))
     return x * p / q
 
 
@@ -141,7 +144,7 @@ def _compile(
     @njit(**options)
     def load_weights(weight: Real, trace: Real, rate: Real, ws: Workspace) -> None:
         """From the tensors, shape (n, m + n), to both copies of the workspace."""
-        n, sources = weight.shape
+        n = weight.shape[0]
         for i in range(n):
             for j in range(first + i):
                 ws.W[i, j] = ws.T[j, i] = weight[i, j]
@@ -363,7 +366,8 @@ def _compile(
 def _workspace(n: int, m: int, p: int, q: int, dtype: Any) -> Workspace:
     Q, P = round_up(m + n), round_up(n)
     rows, columns = (n, Q), (Q, P)
-    real = [np.zeros(shape, dtype) for shape in (rows, columns, rows, columns, rows, columns, Q, P, P, Q)]
+    shapes = (rows, columns, rows, columns, rows, columns, (Q,), (P,), (P,), (Q,))
+    real = [aligned_zeros(shape, dtype) for shape in shapes]
     return Workspace(*real, *(np.zeros(shape) for shape in (p, p, p, (p, q), q, p)))
 
 
@@ -408,7 +412,11 @@ class FusedTD:
         self.rate = settings.initial_rate * base
         self._limits = np.asarray(problem.control_limits, dtype=np.float64)
         self._ws = _workspace(
-            network.n_neurons, problem.n_inputs, problem.state_size, len(self._limits), self.trace.numpy().dtype
+            network.n_neurons,
+            problem.n_inputs,
+            problem.state_size,
+            len(self._limits),
+            self.trace.numpy().dtype,
         )
 
     def _load(self) -> None:
@@ -479,7 +487,9 @@ class FusedTD:
         self._kernel.sample(self._constants, self._limits, states, self.problem.s_gamma, self._ws, out)
         return SampleStatistics(*out.T)
 
-    def rollout(self, initial_states: Array, duration: float, skip: float = 0.0, dt: float = 0.01) -> Rollouts:
+    def rollout(
+        self, initial_states: Array, duration: float, skip: float = 0.0, dt: float = 0.01
+    ) -> Rollouts:
         """Greedy episodes of ``duration`` seconds by RK4 with the control held for ``dt``; nothing is learned."""
         states = np.ascontiguousarray(initial_states, dtype=np.float64)
         if not 0 <= skip < duration:

@@ -8,6 +8,7 @@ everywhere at first (chosen).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
@@ -120,9 +121,7 @@ class Multilayer(ValueNetwork):
         self.n_inputs = n_inputs
         self.n_neurons = sum(hidden) + 1
         widths = [n_inputs, *hidden, 1]
-        self.layers = nn.ModuleList(
-            nn.Linear(a, b, dtype=dtype) for a, b in zip(widths[:-1], widths[1:], strict=True)
-        )
+        self.layers = nn.ModuleList(nn.Linear(a, b, dtype=dtype) for a, b in pairwise(widths))
         for layer in self.layers:
             assert isinstance(layer, nn.Linear)
             spread = 0.0 if layer is self.layers[-1] else (layer.in_features + 1) ** -0.5

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 import torch
@@ -17,6 +17,7 @@ from swimmer_mj.learning.problem import ControlProblem
 __all__ = ["GreedyPolicy", "Judgement", "SwimmingPolicy", "observed_state"]
 
 Array = NDArray[np.float64]
+Network = TypeVar("Network", bound=ValueNetwork)
 
 
 class Judgement(NamedTuple):
@@ -30,10 +31,10 @@ class Judgement(NamedTuple):
     """H(x), shape (...)."""
 
 
-class GreedyPolicy:
+class GreedyPolicy(Generic[Network]):
     """pi(x) = argmax_u of dV/dx . f(x, u), for one state or a batch."""
 
-    def __init__(self, problem: ControlProblem, network: ValueNetwork) -> None:
+    def __init__(self, problem: ControlProblem, network: Network) -> None:
         self.problem = problem
         self.network = network
 
@@ -58,9 +59,7 @@ class GreedyPolicy:
 
 def observed_state(observation: Mapping[str, ArrayLike]) -> Array:
     """The reduced state, in the target's frame, that a swim or steer task observes."""
-    return st.join_reduced(
-        observation["angles"], observation["angular_velocities"], observation["velocity"]
-    )
+    return st.join_reduced(observation["angles"], observation["angular_velocities"], observation["velocity"])
 
 
 class SwimmingPolicy:

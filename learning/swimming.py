@@ -55,7 +55,9 @@ class Swimming:
         integrator: Literal["euler", "rk4"] = "euler",
     ) -> None:
         if parameters.n_links < 2:
-            raise ValueError(f"a swimmer needs at least 2 links to have a joint to move, got {parameters.n_links}")
+            raise ValueError(
+                f"a swimmer needs at least 2 links to have a joint to move, got {parameters.n_links}"
+            )
         if not (math.isfinite(s_gamma) and s_gamma > 0):
             raise ValueError(f"s_gamma must be positive and finite, got {s_gamma!r}")
         if integrator not in ("euler", "rk4"):

@@ -83,7 +83,7 @@ def learning_curve(
                 color=color,
                 markersize=13,
                 markeredgecolor="white",
-                label="best" if i == 0 else None,
+                label="best",
                 zorder=3,
             )
     if reference_speed is not None:
@@ -104,7 +104,10 @@ def learning_curve(
     if len(metrics) > 1:
         columns = min(len(metrics), 4)
         value.legend(frameon=False, fontsize=9, ncols=columns, loc="lower left", bbox_to_anchor=(0, 1))
-    speed.legend(frameon=False, fontsize=9, loc="lower right")
+    handles, labels = speed.get_legend_handles_labels()
+    if labels:
+        unique = dict(zip(labels, handles, strict=True))  # one star stands for all
+        speed.legend(unique.values(), unique.keys(), frameon=False, fontsize=9, loc="lower right")
     figure.align_ylabels()
     return figure
 

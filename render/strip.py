@@ -51,7 +51,7 @@ def film_strip(
     Returns
     -------
     matplotlib.figure.Figure
-        Its poses are the lines whose gid is ``"pose"``.
+        Its poses are the lines whose gid is ``"pose"``; the line ``"scale"`` is 1 m long.
     """
     chosen = _pose_indices(trajectory, interval, start, stop)
     if per_row < 1:
@@ -61,14 +61,18 @@ def film_strip(
     centers = trajectory.centers_of_mass()
     rows = [chosen[k : k + per_row] for k in range(0, len(chosen), per_row)]
 
-    # Extents (m) about the place of the centre of mass at the beginning of the row.
+    # Outlines (m) about the place of the centre of mass as the row begins. Ticks are one cell apart,
+    # just enough to part each pose from the next; a pose may lean out of its cell.
     outlines = [joints[row] - centers[row[0]] for row in rows]
+    lefts, rights = ([edge(o[..., 0], axis=-1) for o in outlines] for edge in (np.min, np.max))
     link = float(trajectory.parameters.lengths.mean())
-    left = min(float(outline[..., 0].min()) for outline in outlines)
-    right = max(float(outline[..., 0].max()) for outline in outlines)
-    cell = right - left + 0.6 * link
-    label = 0.11 * per_row * cell  # the margin that holds times and arrows
-    total = label + per_row * cell
+    overlaps = [right[:-1] - left[1:] for left, right in zip(lefts, rights, strict=True)]
+    cell = float(np.concatenate([*overlaps, rights[0][:1] - lefts[0][:1]]).max()) + 0.5 * link
+    columns = cell * np.arange(per_row)
+    starts = [float((left + columns[: len(left)]).min()) for left in lefts]
+    ends = [float((right + columns[: len(right)]).max()) for right in rights]
+    content = max(per_row * cell, float(np.subtract(ends, starts).max()) + 0.5 * link)
+    total = content / 0.9  # the rest is the margin that holds times and arrows
     inch = total / WIDTH  # m of the drawing to an inch of paper
     tick = 0.09 * inch
 
@@ -90,12 +94,13 @@ def film_strip(
     axes.axis("off")
 
     thick = 3.2 * min(1.0, link / inch / 0.17)
-    for row, origin, border in zip(rows, origins, borders, strict=True):
+    margin = total - content
+    for row, origin, border, left in zip(rows, origins, borders, starts, strict=True):
         axes.plot([0.06 * inch, total - 0.06 * inch], [border, border], color="0.88", linewidth=0.6)
         axes.text(0.12 * inch, origin, f"{times[row[0]]:.1f} s", va="center", fontsize=9, color=INK)
-        _arrow(axes, label - 0.58 * inch, origin, directions[row[0]], 0.42 * inch)
+        _arrow(axes, margin - 0.58 * inch, origin, directions[row[0]], 0.42 * inch)
         for column, k in enumerate(row):
-            place = np.array([label + column * cell + 0.3 * link - left, origin])
+            place = np.array([margin + 0.25 * link - left + columns[column], origin])
             shift = place - centers[row[0]]
             trace = centers[row[0] : k + 1] + shift
             pose = joints[k] + shift
@@ -160,7 +165,7 @@ def _legend(axes: Axes, interval: float, y: float, inch: float, thick: float) ->
     """Write the two lines below the last row: what the marks mean, and how to read them."""
     text = {"va": "center", "fontsize": 9, "color": INK}
     x = 0.12 * inch
-    axes.plot([x, x + 1.0], [y, y], color=INK, linewidth=1.2, solid_capstyle="butt")
+    axes.plot([x, x + 1.0], [y, y], color=INK, linewidth=1.2, solid_capstyle="butt", gid="scale")
     for end in (x, x + 1.0):
         axes.plot([end, end], [y - 0.05 * inch, y + 0.05 * inch], color=INK, linewidth=1.2)
     axes.text(x + 1.0 + 0.1 * inch, y, "1 m", **text)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import os
 from collections.abc import Iterable, Iterator
@@ -146,7 +147,7 @@ def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: int 
     int
         Number of frames written.
     """
-    import imageio_ffmpeg
+    import imageio.v2 as imageio
 
     if Path(path).suffix not in (".mp4", ".mkv", ".mov"):
         raise ValueError(f"a video's name must end with .mp4, .mkv or .mov, got {os.fspath(path)!r}")
@@ -158,27 +159,25 @@ def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: int 
     if height % 2 or width % 2:
         raise ValueError(f"height and width of a video must be even, got {height} x {width}")
     with replacing(path) as partial:
-        encoder = imageio_ffmpeg.write_frames(
-            str(partial),
-            (width, height),
+        writer = imageio.get_writer(
+            partial,
+            format="FFMPEG",  # type: ignore[arg-type] - documented as a name
+            mode="I",
             fps=fps,
             codec="libx264",
-            pix_fmt_in="rgb24",
-            pix_fmt_out="yuv420p",
+            pixelformat="yuv420p",
             quality=6,
             macro_block_size=2,
             output_params=["-preset", "veryfast", "-movflags", "+faststart"],
         )
-        encoder.send(None)
-        count = 0
-        try:
+        with contextlib.closing(writer):  # imageio's own context does not close after an exception
+            count = 0
             for frame in itertools.chain([first], frames):
                 if frame.shape != first.shape or frame.dtype != np.uint8:
                     raise ValueError(f"frame {count} is {frame.dtype} {frame.shape}, not uint8 {first.shape}")
-                encoder.send(np.ascontiguousarray(frame))
+                writer.append_data(frame)
                 count += 1
-        finally:
-            encoder.close()
-        if imageio_ffmpeg.count_frames_and_secs(str(partial))[0] != count:  # a full disk, say
-            raise OSError(f"ffmpeg did not write all {count} frames of {os.fspath(path)}")
+        with imageio.get_reader(partial, format="FFMPEG") as reader:  # type: ignore[arg-type]
+            if reader.count_frames() != count:  # a full disk, say
+                raise OSError(f"ffmpeg did not write all {count} frames of {os.fspath(path)}")
     return count

@@ -11,21 +11,27 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from swimmer_mj.parameters import PAPER, SwimmerParameters
-
 if TYPE_CHECKING:
+    from swimmer_mj.parameters import PAPER, SwimmerParameters
     from swimmer_mj.suite import SUITE, load, register, unregister
 
 __all__ = ["PAPER", "SUITE", "SwimmerParameters", "__version__", "load", "register", "unregister"]
 
-_FROM_SUITE = ("SUITE", "load", "register", "unregister")
+_HOME = {
+    "PAPER": "parameters",
+    "SUITE": "suite",
+    "SwimmerParameters": "parameters",
+    "load": "suite",
+    "register": "suite",
+    "unregister": "suite",
+}
 
 
 def __getattr__(name: str) -> Any:
-    if name in _FROM_SUITE:
-        from swimmer_mj import suite
+    if name in _HOME:
+        from importlib import import_module
 
-        return getattr(suite, name)
+        return getattr(import_module(f"swimmer_mj.{_HOME[name]}"), name)
     if name == "__version__":
         from importlib.metadata import version
 

@@ -7,14 +7,27 @@ the run-time alias checks that keep numba's own vectoriser from being useful on 
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
+from numpy.typing import DTypeLike, NDArray
 
-__all__ = ["LANES", "load", "multiply", "multiply_add", "round_up", "splat", "stack_buffer", "store"]
+__all__ = [
+    "LANES",
+    "aligned_zeros",
+    "load",
+    "multiply",
+    "multiply_add",
+    "round_up",
+    "splat",
+    "stack_buffer",
+    "store",
+]
 
 LANES = 16
 """Numbers in a vector; rows that vectors walk along are padded to a multiple of it."""
@@ -23,6 +36,14 @@ LANES = 16
 def round_up(size: int) -> int:
     """The smallest multiple of :data:`LANES` that is at least ``size``."""
     return -(-size // LANES) * LANES
+
+
+def aligned_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """Zeros that start at a cache line (64 bytes), as vectors do that are not to straddle two."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    buffer = np.zeros(size + 64, np.uint8)
+    start = -buffer.ctypes.data % 64
+    return buffer[start : start + size].view(dtype).reshape(shape)
 
 
 class _Vector(types.Type):

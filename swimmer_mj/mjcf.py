@@ -136,7 +136,7 @@ def mjcf(parameters: SwimmerParameters, *, integrator: Integrator = "RK4", times
     option.set("timestep", _numbers(timestep))
     ET.SubElement(root, "statistic", center=_numbers(center, 0, 0), extent=_numbers(total))
     _child(world, "camera").set("pos", _numbers(0, 0, 3 * total))
-    _child(world, "body").set("pos", _numbers(center + total / 2 + 1, 0, 0))
+    _child(world, "body").set("pos", _numbers(center + total / 2 + 0.7, 0, 0))
 
     body = world
     for i in range(1, n + 1):
@@ -153,7 +153,7 @@ def mjcf(parameters: SwimmerParameters, *, integrator: Integrator = "RK4", times
                 material="mark",
             )
             ET.SubElement(
-                body, "camera", name="tracking", mode="trackcom", pos=_numbers(center, 0, 2 * total)
+                body, "camera", name="tracking", mode="trackcom", pos=_numbers(center, 0, 1.6 * total)
             )
 
     if n > 1:

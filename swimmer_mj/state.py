@@ -26,6 +26,7 @@ __all__ = [
     "FullState",
     "ReducedState",
     "center_of_mass",
+    "center_of_mass_levers",
     "expand",
     "full_size",
     "join",
@@ -140,7 +141,7 @@ def center_of_mass(parameters: SwimmerParameters, x: ArrayLike) -> Array:
     return np.einsum("i,...ix->...x", masses, link_centers(parameters, x)) / masses.sum()
 
 
-def _levers(parameters: SwimmerParameters) -> Array:
+def center_of_mass_levers(parameters: SwimmerParameters) -> Array:
     """a_j with G = A0 + sum_j a_j t_j, shape (n,), m: the mass beyond the middle of link j, times l_j / M."""
     masses = parameters.masses
     beyond = masses.sum() - np.cumsum(masses) + masses / 2
@@ -150,14 +151,15 @@ def _levers(parameters: SwimmerParameters) -> Array:
 def reduce(parameters: SwimmerParameters, x: ArrayLike) -> Array:
     """The reduced state of the full state ``x``, shape (..., 2n + 2)."""
     state = split(x, parameters.n_links)
-    rates = (_levers(parameters) * state.angular_velocities)[..., None] * link_normals(state.angles)
+    levers = center_of_mass_levers(parameters)
+    rates = (levers * state.angular_velocities)[..., None] * link_normals(state.angles)
     return join_reduced(state.angles, state.angular_velocities, state.velocity + rates.sum(axis=-2))
 
 
 def expand(parameters: SwimmerParameters, z: ArrayLike) -> Array:
     """The full state with reduced state ``z`` and the centre of mass at the origin, shape (..., 2n + 4)."""
     state = split_reduced(z, parameters.n_links)
-    levers = _levers(parameters)
+    levers = center_of_mass_levers(parameters)
     offset = (levers[:, None] * link_directions(state.angles)).sum(axis=-2)
     rates = (levers * state.angular_velocities)[..., None] * link_normals(state.angles)
     return join(-offset, state.angles, state.velocity - rates.sum(axis=-2), state.angular_velocities)
@@ -169,7 +171,7 @@ def reduce_derivative(parameters: SwimmerParameters, x: ArrayLike, dx: ArrayLike
     Accepts further leading axes on ``dx`` as long as they broadcast against ``x``.
     """
     state, rate = split(x, parameters.n_links), split(dx, parameters.n_links)
-    levers = _levers(parameters)
+    levers = center_of_mass_levers(parameters)
     tangential = (levers * rate.angular_velocities)[..., None] * link_normals(state.angles)
     centripetal = (levers * state.angular_velocities * rate.angles)[..., None] * link_directions(state.angles)
     acceleration = rate.velocity + (tangential - centripetal).sum(axis=-2)

@@ -12,6 +12,7 @@ direction that is drawn anew for each episode. :func:`register` adds the domain 
 from __future__ import annotations
 
 import collections
+import math
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -56,6 +57,8 @@ class Physics(mujoco.Physics):
 
     def _reload_from_data(self, data: mujoco.wrapper.MjData) -> None:
         self.parameters = read_parameters(data.model.ptr)
+        self._levers = st.center_of_mass_levers(self.parameters)
+        self._mark_distance = self.parameters.lengths.sum() / 2 + 0.7
         if not hasattr(self, "_friction"):
             self._friction = viscous.hold(self)
         super()._reload_from_data(data)
@@ -75,15 +78,15 @@ class Physics(mujoco.Physics):
 
     def reduced_state(self) -> Array:
         """The reduced state z (:mod:`swimmer_mj.state`), shape (2n + 2,); angles are not wrapped."""
-        return st.reduce(self.parameters, self.state_vector())
+        return st.join_reduced(self.angles(), self.angular_velocities(), self.center_of_mass_velocity())
 
     def angles(self) -> Array:
         """theta, the angles of the links from the x axis, shape (n,), rad; not wrapped."""
-        return np.cumsum(self.data.qpos[2:])
+        return self.data.qpos[2:].cumsum()
 
     def angular_velocities(self) -> Array:
         """dtheta/dt, shape (n,), rad/s."""
-        return np.cumsum(self.data.qvel[2:])
+        return self.data.qvel[2:].cumsum()
 
     def joint_positions(self) -> Array:
         """A_0 .. A_n, shape (n + 1, 2), m."""
@@ -91,28 +94,28 @@ class Physics(mujoco.Physics):
 
     def center_of_mass(self) -> Array:
         """G, shape (2,), m."""
-        return st.center_of_mass(self.parameters, self.state_vector())
+        return self.data.qpos[:2] + self._levers @ st.link_directions(self.angles())
 
     def center_of_mass_velocity(self) -> Array:
         """dG/dt, shape (2,), m/s."""
-        return st.split_reduced(self.reduced_state(), self.parameters.n_links).velocity
+        rates = self._levers * self.angular_velocities()
+        return self.data.qvel[:2] + rates @ st.link_normals(self.angles())
 
     def target_direction(self) -> float:
         """The direction to swim to, the angle from the x axis in [-pi, pi], rad."""
-        w, _, _, z = self.data.mocap_quat[0]
-        return float(np.arctan2(2 * w * z, w * w - z * z))
+        w, _, _, z = self.data.mocap_quat[0].tolist()
+        return math.atan2(2 * w * z, w * w - z * z)
 
     def set_target_direction(self, angle: float) -> None:
         """Turn the target direction to ``angle`` (rad, from the x axis) and move its mark."""
-        self.data.mocap_quat[0] = np.cos(angle / 2), 0, 0, np.sin(angle / 2)
-        self.move_target_mark()
+        self.data.mocap_quat[0] = math.cos(angle / 2), 0, 0, math.sin(angle / 2)
+        self.move_target_mark(self.center_of_mass())
 
-    def move_target_mark(self) -> None:
-        """Put the mark, which only shows the target direction, ahead of the swimmer in that direction."""
-        angle = self.target_direction()
-        distance = self.parameters.lengths.sum() / 2 + 1
-        ahead = np.array([np.cos(angle), np.sin(angle)])
-        self.data.mocap_pos[0, :2] = self.center_of_mass() + distance * ahead
+    def move_target_mark(self, center: Array) -> None:
+        """Put the mark, which only shows the target direction, ahead of ``center``, shape (2,), m."""
+        angle, distance = self.target_direction(), self._mark_distance
+        x, y = center.tolist()
+        self.data.mocap_pos[0, :2] = x + distance * math.cos(angle), y + distance * math.sin(angle)
 
 
 def wrap_angle(angle: ArrayLike) -> Array:
@@ -152,7 +155,7 @@ class Swim(base.Task):
         self._random_direction = random_direction
         self._initial_states = initial_states
         self._start_time = 0.0
-        self._start = np.zeros(2)
+        self._start = self._mean_velocity = np.zeros(2)
 
     def initialize_episode(self, physics: Physics) -> None:
         """Set the initial state and the target direction of an episode."""
@@ -163,43 +166,40 @@ class Swim(base.Task):
             z = self._initial_states(self.random)
         physics.set_state_vector(st.expand(physics.parameters, z))
         physics.set_target_direction(self.random.uniform(-np.pi, np.pi) if self._random_direction else 0.0)
-        self._mark_start(physics)
-        super().initialize_episode(physics)
-
-    def _mark_start(self, physics: Physics) -> None:
-        """Note where and when a control step starts."""
         self._start_time, self._start = physics.time(), physics.center_of_mass()
+        super().initialize_episode(physics)
 
     def before_step(self, action: ArrayLike, physics: Physics) -> None:
         """Set the motors to ``action``, shape (n - 1,), torques in units of their limits."""
-        self._mark_start(physics)
+        self._start_time, self._start = physics.time(), physics.center_of_mass()
         super().before_step(action, physics)
 
     def after_step(self, physics: Physics) -> None:
-        """Move the mark of the target with the swimmer."""
-        physics.move_target_mark()
+        """Measure the mean velocity over the control step, and move the mark of the target along."""
+        elapsed, center = physics.time() - self._start_time, physics.center_of_mass()
+        if elapsed > 0:
+            self._mean_velocity = (center - self._start) / elapsed
+        else:
+            self._mean_velocity = physics.center_of_mass_velocity()
+        physics.move_target_mark(center)
         super().after_step(physics)
 
     def get_observation(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, physics: Physics
     ) -> collections.OrderedDict[str, Array]:
         """The reduced state in the frame whose x axis is the target direction."""
-        z = st.split_reduced(physics.reduced_state(), physics.parameters.n_links)
         direction = physics.target_direction()
         return collections.OrderedDict(
-            angles=wrap_angle(z.angles - direction),
-            angular_velocities=z.angular_velocities.copy(),
-            velocity=st.rotate(z.velocity, -direction),
+            angles=wrap_angle(physics.angles() - direction),
+            angular_velocities=physics.angular_velocities(),
+            velocity=st.rotate(physics.center_of_mass_velocity(), -direction),
         )
 
     def get_reward(self, physics: Physics) -> float:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The mean velocity along the target direction since the start of the control step, m/s."""
-        elapsed = physics.time() - self._start_time
-        if elapsed > 0:
-            velocity = (physics.center_of_mass() - self._start) / elapsed
-        else:
-            velocity = physics.center_of_mass_velocity()
-        return float(st.rotate(velocity, -physics.target_direction())[0])
+        x, y = self._mean_velocity.tolist()
+        angle = physics.target_direction()
+        return x * math.cos(angle) + y * math.sin(angle)
 
 
 def _make_environment(

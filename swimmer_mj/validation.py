@@ -20,7 +20,7 @@ from swimmer_mj.mjcf import mjcf
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 from swimmer_mj.viscous import viscous_friction
 
-__all__ = ["Check", "physics_report", "random_parameters", "relative_error"]
+__all__ = ["Check", "callback_self_test", "physics_report", "random_parameters", "relative_error"]
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def relative_error(actual: Array, expected: Array, n_axes: int = 1) -> Array:
 
 
 def random_parameters(rng: np.random.Generator, n_links: int) -> SwimmerParameters:
-    """Draw a swimmer with unequal links: masses, lengths in [0.5, 2], k in [0, 20], torque limits in [1, 10]."""
+    """Draw a swimmer: m_i, l_i in [0.5, 2], k in [0, 20], U_i in [1, 10], SI units."""
     return SwimmerParameters(
         n_links=n_links,
         mass=rng.uniform(0.5, 2, n_links).tolist(),
@@ -184,6 +184,11 @@ def _foreign_model() -> Check:
         0.0,
         "nothing may act on it",
     )
+
+
+def callback_self_test() -> Check:
+    """Check that the friction acts in this installation: the rod that glides sideways."""
+    return _single_rod()
 
 
 def physics_report(seed: int = 0, n_states: int = 250) -> list[Check]:

@@ -161,22 +161,10 @@ def _pointer(typing_context: Any, address: Any) -> Any:
 def _compiled() -> Any:
     """The friction as a C function of (const mjModel*, mjData*), compiled for the installed MuJoCo."""
     model_record, data_record = _records()
-    suffix = np.frombuffer(FRICTION_TUPLE.encode(), dtype=np.uint8)
-    n_suffix = len(suffix)
+    friction_name = np.frombuffer(FRICTION_TUPLE.encode(), dtype=np.uint8)
+    n_name = len(friction_name)
     site_object = int(mujoco.mjtObj.mjOBJ_SITE)
     capsule = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
-
-    @numba.njit(inline="always", error_model="numpy")
-    def declares_friction(names: Any, start: int) -> bool:
-        end = start
-        while names[end] != 0:
-            end += 1
-        if end - start < n_suffix:
-            return False
-        for i in range(n_suffix):  # noqa: SIM110
-            if names[end - n_suffix + i] != suffix[i]:
-                return False
-        return True
 
     model_pointer = types.CPointer(numba.from_dtype(model_record))
     data_pointer = types.CPointer(numba.from_dtype(data_record))
@@ -210,7 +198,13 @@ def _compiled() -> Any:
         qfrc_passive = numba.carray(_pointer(d.qfrc_passive), m.nv, np.float64)
 
         for i in range(m.ntuple):
-            if not declares_friction(names, name_tupleadr[i]):
+            end = int(name_tupleadr[i])
+            while names[end] != 0:
+                end += 1
+            declared = end - name_tupleadr[i] >= n_name
+            for c in range(n_name):
+                declared = declared and names[end - n_name + c] == friction_name[c]
+            if not declared:
                 continue
             for j in range(tuple_adr[i], tuple_adr[i] + tuple_size[i]):
                 site = tuple_objid[j]

@@ -1,0 +1,421 @@
+"""Training runs: a learner, its log and its checkpoints in a directory of their own.
+
+A run directory has ``config.json`` (complete: it defines the run), ``metrics.csv`` (a row an evaluation),
+``checkpoint.safetensors`` (the newest weights and all that resuming needs) and ``best.safetensors`` (the weights that
+swam fastest in an evaluation), the last two with JSON beside. An interrupted and resumed run computes the same numbers
+as one that was never interrupted.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import os
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from swimmer_mj import suite
+from swimmer_mj.dynamics import MujocoSwimmer
+from swimmer_mj.files import replacing
+from swimmer_mj.learning.checkpoint import load_checkpoint, save_checkpoint
+from swimmer_mj.learning.continuous_td import ContinuousTD, Learner, Moment, TDSettings
+from swimmer_mj.learning.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
+from swimmer_mj.learning.fused import FusedTD
+from swimmer_mj.learning.networks import Cascade
+from swimmer_mj.learning.pendulum import Pendulum
+from swimmer_mj.learning.policy import GreedyPolicy, observed_state
+from swimmer_mj.learning.problem import ControlProblem
+from swimmer_mj.learning.swimming import Swimming
+from swimmer_mj.learning.vario_eta import VarioEta
+from swimmer_mj.parameters import PAPER, SwimmerParameters
+
+__all__ = [
+    "Metrics",
+    "Progress",
+    "Report",
+    "TrainConfig",
+    "TrainingRun",
+    "load_policy",
+    "read_config",
+    "train_together",
+]
+
+Array = NDArray[np.float64]
+
+CONFIG, LOG, CHECKPOINT, BEST = "config.json", "metrics.csv", "checkpoint.safetensors", "best.safetensors"
+SAMPLE_SIZE = 1000
+"""States of the initial-state law over which <V>_S and <H^2>_S are taken; those of seed 1."""
+PAPER_NEURONS = 60
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """Everything that defines a run."""
+
+    seed: int = 0
+    problem: Literal["swim", "pendulum"] = "swim"
+    parameters: SwimmerParameters = PAPER
+    s_gamma: float = 1.0
+    td: TDSettings = field(default_factory=lambda: TDSettings(eta=0.04))
+    neurons: int = PAPER_NEURONS
+    dtype: Literal["float32", "float64"] = "float32"
+    engine: Literal["fused", "torch"] = "fused"
+    physics: Literal["analytic", "mujoco"] = "analytic"
+    evaluate_every: int = 2000
+    """Trials between evaluations."""
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ValueError(f"seed must not be negative, got {self.seed}")
+        if self.neurons < 2:
+            raise ValueError(f"neurons must be at least 2, one hidden and the output; got {self.neurons}")
+        if self.evaluate_every < 1:
+            raise ValueError(f"evaluate_every must be at least 1 trial, got {self.evaluate_every}")
+        if self.physics == "mujoco" and self.problem != "swim":
+            raise ValueError(f"physics 'mujoco' is for swimming, not for {self.problem!r}")
+        if self.physics == "mujoco" and self.td.vario is not None and self.engine == "fused":
+            raise ValueError("vario-eta through MuJoCo needs engine 'torch'")
+
+    def make_problem(self) -> ControlProblem:
+        """The control problem that is learned."""
+        if self.problem == "pendulum":
+            return Pendulum(s_gamma=self.s_gamma)
+        dynamics = MujocoSwimmer(self.parameters) if self.physics == "mujoco" else None
+        return Swimming(self.parameters, self.s_gamma, dynamics)
+
+    def make_network(self, problem: ControlProblem) -> Cascade:
+        """The network with its initial weights, which follow from the seed."""
+        generator = torch.Generator().manual_seed(self.seed)
+        return Cascade(problem.n_inputs, self.neurons, generator=generator, dtype=getattr(torch, self.dtype))
+
+    def to_json(self) -> dict[str, Any]:
+        """The configuration as JSON values, with the version that wrote it."""
+        return {"version": version("swimmer-mj"), **dataclasses.asdict(self)}
+
+    @classmethod
+    def from_json(cls, values: dict[str, Any]) -> TrainConfig:
+        """The configuration that :meth:`to_json` wrote."""
+        fields = {key: value for key, value in values.items() if key != "version"}
+        td = fields.pop("td")
+        vario = td.pop("vario")
+        return cls(
+            **{**fields, "parameters": SwimmerParameters(**fields["parameters"])},
+            td=TDSettings(**td, vario=None if vario is None else VarioEta(**vario)),
+        )
+
+
+class Metrics(NamedTuple):
+    """A row of metrics.csv (docs/metrics.md)."""
+
+    trial: int
+    """Trials so far."""
+    seconds: float
+    """Wall-clock time of the run so far, evaluations included."""
+    mean_value: float
+    """<V>_S: mean of V over a fixed sample of the initial-state law."""
+    mean_squared_hamiltonian: float
+    """<H^2>_S over the same sample."""
+    speed: float
+    """Swimming speed, m/s, by the compiled model in place of MuJoCo; the mean reward of other problems."""
+
+
+class Progress(NamedTuple):
+    """What a run reports while it learns."""
+
+    trial: int
+    trials_per_second: float
+    """Over the last stretch of learning."""
+    trial_value: float
+    """Mean V along the last trials."""
+    trial_squared_hamiltonian: float
+    """Mean H^2 along the last trials."""
+
+
+def evaluation_sample(problem: ControlProblem) -> Array:
+    """The states over which <V>_S and <H^2>_S are taken, shape (1000, p)."""
+    return problem.initial_states(np.random.default_rng(1), SAMPLE_SIZE)
+
+
+class TrainingRun:
+    """One learner with one seed, and its directory.
+
+    Parameters
+    ----------
+    directory : path
+        Where to keep the run. Must not hold another one, unless ``resume``.
+    config : TrainConfig, optional
+        What to run. When resuming, the configuration is that of the directory.
+    resume : bool
+        Go on with the run that is there.
+    """
+
+    def __init__(
+        self, directory: str | os.PathLike[str], config: TrainConfig | None = None, *, resume: bool = False
+    ) -> None:
+        self.directory = Path(directory)
+        exists = (self.directory / CONFIG).exists()
+        if resume and not exists:
+            raise FileNotFoundError(f"there is no run to resume in {self.directory}")
+        if exists and not resume:
+            raise FileExistsError(
+                f"{self.directory} already holds a run; resume it, or choose another directory"
+            )
+        if resume:
+            config = read_config(self.directory)
+        elif config is None:
+            config = TrainConfig()
+        self.config = config
+        self.problem = config.make_problem()
+        self.network = config.make_network(self.problem)
+        self.fused = FusedTD(self.problem, self.network, config.td)
+        self.torch = ContinuousTD(self.problem, self.network, config.td) if config.engine == "torch" else None
+        self.rng = np.random.default_rng(config.seed)
+        self.trial = 0
+        self.seconds = 0.0
+        self.best_speed = -np.inf
+        self.history: list[Metrics] = []
+        if resume and (self.directory / CHECKPOINT).exists():
+            self._restore()
+        elif not exists:
+            with replacing(self.directory / CONFIG) as partial:
+                partial.write_text(json.dumps(config.to_json(), indent=2) + "\n")
+
+    # One evaluation period at a time -----------------------------------------------------------------------------
+
+    def advance(
+        self,
+        on_progress: Callable[[Progress], None] = lambda progress: None,
+        stretch: int = 100,
+        stop: Callable[[], bool] = lambda: False,
+    ) -> Metrics | None:
+        """Learn for ``evaluate_every`` trials, evaluate, and save.
+
+        Parameters
+        ----------
+        on_progress : callable
+            Called after each ``stretch`` of trials.
+        stretch : int
+            Trials between calls; the result does not depend on it.
+        stop : callable
+            Asked after each stretch. When it says True, the period is left unfinished and forgotten: the run stands
+            where it last was saved, and None is returned.
+        """
+        started = time.perf_counter()
+        left = self.config.evaluate_every
+        while left:
+            count = min(stretch, left)
+            before = time.perf_counter()
+            value, squared_hamiltonian = self._learn(count)
+            left -= count
+            self.trial += count
+            rate = count / (time.perf_counter() - before)
+            on_progress(Progress(self.trial, rate, value, squared_hamiltonian))
+            if not torch.isfinite(self.network.weight).all():
+                raise FloatingPointError(
+                    f"weights are no longer finite after {self.trial} trials: eta {self.config.td.eta} is too large"
+                )
+            if left and stop():
+                return None
+        metrics = self.evaluate(self.seconds + time.perf_counter() - started)
+        self.seconds = metrics.seconds
+        self.history.append(metrics)
+        self._save(metrics)
+        return metrics
+
+    def _learn(self, count: int) -> tuple[float, float]:
+        """``count`` trials; mean V and mean H^2 along them."""
+        states = self.problem.initial_states(self.rng, count)
+        if self.config.engine == "fused" and self.config.physics == "analytic":
+            trials = self.fused.train(states)
+            return float(trials.value.mean()), float(trials.squared_hamiltonian.mean())
+        learner: Learner = self.fused if self.torch is None else self.torch
+        if self.config.physics == "mujoco":
+            moments = learn_in_environment(learner, self.config, states)
+        else:
+            assert self.torch is not None
+            moments = [moment for x in states for moment in self.torch.run_trial(x)]
+        values = np.array([moment.value for moment in moments])
+        hamiltonians = np.array([moment.hamiltonian for moment in moments])
+        return float(values.mean()), float((hamiltonians**2).mean())
+
+    def evaluate(self, seconds: float) -> Metrics:
+        """<V>_S, <H^2>_S and the speed of the weights as they are."""
+        sample = self.fused.sample(evaluation_sample(self.problem))
+        return Metrics(
+            self.trial,
+            seconds,
+            float(sample.value.mean()),
+            float((sample.hamiltonian**2).mean()),
+            self.speed(),
+        )
+
+    def speed(self) -> float:
+        """Mean reward over the last 10 of 20 s from 64 states, of the greedy policy on the compiled model."""
+        if isinstance(self.problem, Swimming):
+            states = evaluation_states(self.problem.parameters.n_links)
+        else:
+            states = self.problem.initial_states(np.random.default_rng(0), 64)
+        return float(self.fused.rollout(states, EPISODE_DURATION, skip=SETTLING_TIME).reward.mean())
+
+    # On disk -----------------------------------------------------------------------------------------------------
+
+    def _tensors(self) -> dict[str, torch.Tensor]:
+        variances, rates = (
+            (self.fused.variance, self.fused.rate)
+            if self.torch is None
+            else (self.torch.variances[0], self.torch.rates[0])
+        )
+        return {"weight": self.network.weight.data, "variance": variances, "rate": rates}
+
+    def _save(self, metrics: Metrics) -> None:
+        info = {
+            "config": self.config.to_json(),
+            **metrics._asdict(),
+            "best_speed": max(self.best_speed, metrics.speed),
+            "history": [list(row) for row in self.history],
+            "rng": self.rng.bit_generator.state,
+        }
+        if metrics.speed > self.best_speed:
+            self.best_speed = metrics.speed
+            best = {"config": self.config.to_json(), **metrics._asdict()}
+            save_checkpoint(self.directory / BEST, {"weight": self.network.weight.data}, best)
+        save_checkpoint(self.directory / CHECKPOINT, self._tensors(), info)
+        with replacing(self.directory / LOG) as partial, partial.open("w", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(Metrics._fields)
+            writer.writerows(self.history)
+
+    def _restore(self) -> None:
+        tensors, info = load_checkpoint(self.directory / CHECKPOINT)
+        with torch.no_grad():
+            for name, tensor in self._tensors().items():
+                tensor.copy_(tensors[name])
+        self.trial, self.seconds, self.best_speed = info["trial"], info["seconds"], info["best_speed"]
+        self.history = [Metrics(*row) for row in info["history"]]
+        self.rng.bit_generator.state = info["rng"]
+
+
+class Report(NamedTuple):
+    """News of one of several runs."""
+
+    run: TrainingRun
+    progress: Progress | None
+    """After a stretch of learning."""
+    metrics: Metrics | None
+    """After an evaluation."""
+
+
+def train_together(
+    runs: Sequence[TrainingRun],
+    *,
+    trials: int | None = None,
+    seconds: float | None = None,
+    enough: Callable[[TrainingRun], bool] = lambda run: False,
+    report: Callable[[Report], None] = lambda report: None,
+    workers: int | None = None,
+) -> None:
+    """Advance several runs side by side, each in a thread (the compiled learner holds no lock).
+
+    Parameters
+    ----------
+    runs : sequence of TrainingRun
+        What to advance.
+    trials : int, optional
+        Each run stops at the first evaluation with at least this many trials.
+    seconds : float, optional
+        Wall-clock time after which all runs stop. What a run learned since its last evaluation is dropped, so that it
+        stays reproducible.
+    enough : callable
+        As soon as it is true of one run after an evaluation, all runs stop.
+    report : callable
+        Called with news, from the threads of the runs.
+    workers : int, optional
+        Runs at a time; as many as there are cores by default.
+    """
+    deadline = np.inf if seconds is None else time.monotonic() + seconds
+    finished = threading.Event()
+
+    def over() -> bool:
+        return finished.is_set() or time.monotonic() > deadline
+
+    def work(run: TrainingRun) -> None:
+        try:
+            while not over() and (trials is None or run.trial < trials):
+                metrics = run.advance(lambda progress: report(Report(run, progress, None)), stop=over)
+                if metrics is None:
+                    return
+                report(Report(run, None, metrics))
+                if enough(run):
+                    finished.set()
+        except BaseException:
+            finished.set()
+            raise
+
+    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
+        futures = [pool.submit(work, run) for run in runs]
+        try:
+            for future in futures:
+                future.result()
+        except BaseException:
+            finished.set()
+            raise
+
+
+def learn_in_environment(learner: Learner, config: TrainConfig, states: Array) -> list[Moment]:
+    """One trial from each of ``states`` in the dm_control environment itself, learning from its observations."""
+    n = config.parameters.n_links
+    remaining = iter(states)
+    environment = suite.load(
+        f"swim{n}",
+        task_kwargs={
+            "params": config.parameters,
+            "time_limit": config.td.trial_duration,
+            "initial_states": lambda _: next(remaining),
+        },
+        environment_kwargs={"control_timestep": config.td.dt},
+    )
+    moments = []
+    for _ in range(len(states)):
+        step = environment.reset()
+        learner.start_trial()
+        while not step.last():
+            moments.append(learner.learn_at(observed_state(step.observation)))
+            step = environment.step(moments[-1].control / config.parameters.torque_limits)
+        learner.end_trial()
+    environment.physics.free()
+    return moments
+
+
+def read_config(directory: str | os.PathLike[str]) -> TrainConfig:
+    """The configuration of the run in ``directory``."""
+    path = Path(directory) / CONFIG
+    if not path.is_file():
+        raise FileNotFoundError(f"{os.fspath(directory)} is not a run directory: it has no {CONFIG}")
+    try:
+        return TrainConfig.from_json(json.loads(path.read_text()))
+    except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path} is not the configuration of a run: {error}") from error
+
+
+def load_policy(
+    directory: str | os.PathLike[str], which: Literal["best", "last"] = "best"
+) -> tuple[GreedyPolicy[Cascade], TrainConfig, dict[str, Any]]:
+    """The greedy policy that a run has learned, its configuration, and what is known of the checkpoint."""
+    config = read_config(directory)
+    tensors, info = load_checkpoint(Path(directory) / (BEST if which == "best" else CHECKPOINT))
+    problem = dataclasses.replace(config, physics="analytic").make_problem()
+    network = config.make_network(problem)
+    with torch.no_grad():
+        network.weight.copy_(tensors["weight"])
+    return GreedyPolicy(problem, network), config, info

@@ -1,0 +1,681 @@
+"""Command line: ``swimmer-mj``, also ``python -m swimmer_mj``.
+
+Every command imports what it needs when it runs. With ``--json`` a command prints one JSON object on standard output
+and nothing else there. Exit status: 0 done, 1 a check failed, 2 bad usage or bad input (one line on standard error).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import io
+import json as json_module
+import os
+import re
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import tyro
+from tyro.conf import FlagCreatePairsOff, Positional
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from swimmer_mj.learning.trainer import Report, TrainingRun
+
+__all__ = ["main"]
+
+_DESCRIPTION = "The swimmer of Coulom (2002) and the learner that makes it swim."
+
+_app = tyro.extras.SubcommandApp()
+
+
+def _command(function: Callable[..., None]) -> Callable[..., None]:
+    """Make ``function`` a subcommand. Parsing returns the call, which :func:`main` then makes."""
+
+    @functools.wraps(function)
+    def parsed(*args: Any, **kwargs: Any) -> Any:
+        return functools.partial(function, *args, **kwargs)
+
+    _app.command(parsed)
+    return function
+
+
+DEMO_SPEED = 0.8
+"""The demo trains until a learner swims this fast, m/s: well above the 0.54 of the best open-loop wave."""
+DEMO_SECONDS = 225.0
+"""Or for this long, s."""
+
+Backend = Literal["osmesa", "egl", "glfw", "cgl"]
+
+
+class CheckFailedError(Exception):
+    """A check failed: exit status 1. Its message has been printed."""
+
+
+# Commands --------------------------------------------------------------------------------------------------------
+
+
+@_command
+def demo(
+    seed: int = 0, out: Path = Path("runs/demo"), backend: Backend | None = None, json: bool = False
+) -> None:
+    """Check the physics, teach the paper's swimmer to swim, evaluate it on MuJoCo, and draw it.
+
+    Args:
+        seed: Of the two learners that are trained side by side, seeds 2s and 2s + 1; the faster swimmer is kept.
+        out: Run directory; a number is added if it is taken.
+        backend: OpenGL backend; OSMesa by default.
+        json: Print one JSON object.
+    """
+    from swimmer_mj.render.backend import use_backend
+
+    started = time.perf_counter()
+    use_backend(
+        backend
+    )  # before MuJoCo is imported, and before minutes of training: what cannot be drawn says so now
+
+    from swimmer_mj.learning.trainer import TrainConfig, TrainingRun
+    from swimmer_mj.validation import physics_report
+
+    console = _console(json)
+    console.rule("1. Physics: A.3 against MuJoCo")
+    checks = physics_report()
+    _print_checks(console, checks)
+    if not all(check.passed for check in checks):
+        raise CheckFailedError
+
+    console.rule("2. Learning: continuous TD(λ), 5 links, 60 neurons")
+    out = _free_directory(out)
+    runs = [TrainingRun(out / f"seed-{s}", TrainConfig(seed=s)) for s in (2 * seed, 2 * seed + 1)]
+    _train(console, runs, seconds=DEMO_SECONDS, enough=lambda run: run.best_speed >= DEMO_SPEED)
+    best = max(runs, key=lambda run: run.best_speed)
+    if not best.history:
+        raise ValueError(
+            f"{DEMO_SECONDS:.0f} s were not enough for one evaluation on this machine; use train instead"
+        )
+
+    console.rule("3. Evaluation: dm_control on MuJoCo, 64 episodes of 20 s")
+    result = _evaluate_run(best.directory, "best", episodes=64)
+    _print_evaluation(console, result)
+
+    console.rule("4. Pictures")
+    pictures = _render_run(best.directory, best.directory, duration=13.0, fps=30)
+    for path in pictures.values():
+        console.print(f"  {path}")
+    console.print(
+        f"\nIt swims at [bold]{result['speed_mean']:.2f} m/s[/bold]; the best open-loop wave makes 0.54 m/s. "
+        f"The paper took a week; this took {time.perf_counter() - started:.0f} s."
+    )
+    if json:
+        _print_json(
+            {
+                "run": str(best.directory),
+                "seconds": time.perf_counter() - started,
+                "trials": best.trial,
+                **result,
+                "pictures": {name: str(path) for name, path in pictures.items()},
+            }
+        )
+
+
+@_command
+def train(
+    out: Path,
+    method: Literal["td"] = "td",
+    seed: int = 0,
+    seeds: str | None = None,
+    trials: int | None = None,
+    seconds: float | None = None,
+    links: int = 5,
+    resume: bool = False,
+    problem: Literal["swim", "pendulum"] = "swim",
+    physics: Literal["analytic", "mujoco"] = "analytic",
+    engine: Literal["fused", "torch"] = "fused",
+    neurons: int = 60,
+    eta: float = 0.04,
+    s_gamma: float = 1.0,
+    s_lambda: float = 1.0,
+    vario_eta: bool = False,
+    dtype: Literal["float32", "float64"] = "float32",
+    evaluate_every: int = 2000,
+    json: bool = False,
+) -> None:
+    """Train one learner, or one for each of several seeds, and keep the run in a directory.
+
+    Args:
+        out: Run directory. Several seeds have out/seed-0 and so on.
+        method: Learning algorithm; td is the paper's continuous TD(lambda).
+        seed: Seed of initial weights and initial states.
+        seeds: Several seeds instead, trained side by side: 0-7, or 1,4,9.
+        trials: Stop at the first evaluation with at least this many trials.
+        seconds: Stop after this many seconds. The default is 100,000 trials.
+        links: Number of links.
+        resume: Go on with the run that is in the directory, as it was configured.
+        problem: What to learn.
+        physics: Step the equations themselves, or the dm_control environment on MuJoCo (slower).
+        engine: The compiled kernel, or the readable reference in torch (slower).
+        neurons: Neurons of the cascade, the output counted (paper: 60).
+        eta: Learning rate (paper: 0.01; 0.04 learns in a tenth of the trials).
+        s_gamma: Shortness factor, 1/s.
+        s_lambda: Decay of eligibility besides s_gamma, 1/s.
+        vario_eta: Adapt the rate of each weight by vario-eta, instead of scaling the output unit's.
+        dtype: Floating-point type of the network.
+        evaluate_every: Trials between evaluations.
+        json: Print one JSON object.
+    """
+    if seeds is not None and seed != 0:
+        raise ValueError(f"give --seed or --seeds, not both (got {seed} and {seeds})")
+    for name, value in (("--trials", trials), ("--seconds", seconds)):
+        if value is not None and not value > 0:
+            raise ValueError(f"{name} must be positive, got {value}")
+    chosen = [seed] if seeds is None else _parse_seeds(seeds)
+
+    from swimmer_mj.learning.continuous_td import TDSettings
+    from swimmer_mj.learning.trainer import TrainConfig, TrainingRun
+    from swimmer_mj.learning.vario_eta import VarioEta
+    from swimmer_mj.parameters import SwimmerParameters
+
+    td = TDSettings(
+        eta=eta,
+        s_lambda=s_lambda,
+        output_scaling=not vario_eta,
+        vario=VarioEta() if vario_eta else None,
+    )
+    config = TrainConfig(
+        problem=problem,
+        parameters=SwimmerParameters(n_links=links),
+        s_gamma=s_gamma,
+        td=td,
+        neurons=neurons,
+        dtype=dtype,
+        engine=engine,
+        physics=physics,
+        evaluate_every=evaluate_every,
+    )
+    if resume:
+        runs = [TrainingRun(directory, resume=True) for directory in _run_directories(out)]
+    else:
+        directories = [out] if seeds is None else [out / f"seed-{s}" for s in chosen]
+        runs = [
+            TrainingRun(directory, dataclasses.replace(config, seed=s))
+            for directory, s in zip(directories, chosen, strict=True)
+        ]
+    if trials is None and seconds is None:
+        trials = 100_000
+    console = _console(json)
+    _train(console, runs, trials=trials, seconds=seconds)
+    results = [
+        {"run": str(r.directory), "seed": r.config.seed, "trials": r.trial, "best_speed": r.best_speed}
+        if r.history
+        else {"run": str(r.directory), "seed": r.config.seed, "trials": 0, "best_speed": None}
+        for r in runs
+    ]
+    if json:
+        _print_json({"runs": results})
+
+
+@_command
+def evaluate(
+    run: Positional[Path],
+    which: Literal["best", "last"] = "best",
+    episodes: int = 64,
+    json: bool = False,
+) -> None:
+    """Swimming speed of a trained run in dm_control on MuJoCo, and how far V is from the returns it predicts.
+
+    Args:
+        run: Run directory; with several seeds in it, each is evaluated and the interval is over seeds.
+        which: The weights that were fastest while training, or the last.
+        episodes: Episodes of 20 s; 64 by the definition of swimming speed.
+        json: Print one JSON object.
+    """
+    if not 1 <= episodes <= 64:
+        raise ValueError(f"--episodes must be between 1 and 64, got {episodes}")
+    console = _console(json)
+    directories = _run_directories(run)
+    results = []
+    for directory in directories:
+        with console.status(f"evaluating {directory}"):
+            results.append(_evaluate_run(directory, which, episodes))
+        _print_evaluation(console, results[-1])
+    if len(results) == 1:
+        (summary,) = results
+    else:
+        import numpy as np
+
+        from swimmer_mj.learning.evaluation import mean_and_interval
+
+        mean, interval = mean_and_interval(np.array([result["speed_mean"] for result in results]))
+        summary = {
+            "speed_mean": mean,
+            "speed_ci95": list(interval),
+            "n_episodes": episodes * len(results),
+            "n_seeds": len(results),
+            "runs": results,
+        }
+        console.print(
+            f"{len(results)} seeds: {mean:.3f} m/s, 95 % interval {interval[0]:.3f} to {interval[1]:.3f}"
+        )
+    if json:
+        _print_json(summary)
+
+
+@_command
+def render(
+    run: Positional[Path],
+    out: Path | None = None,
+    which: Literal["best", "last"] = "best",
+    duration: float = 13.0,
+    fps: int = 30,
+    backend: Backend | None = None,
+    json: bool = False,
+) -> None:
+    """Video, film strip, learning curve and plots of an episode of a trained run.
+
+    Args:
+        run: Run directory.
+        out: Where to put them; the run directory by default.
+        which: The weights that were fastest while training, or the last.
+        duration: Length of the episode, s; the target direction is reversed after 5/13 of it, as in figure 3.
+        fps: Frames per second of the video.
+        backend: OpenGL backend; OSMesa by default.
+        json: Print one JSON object.
+    """
+    if not duration >= 1:
+        raise ValueError(f"--duration must be at least 1 s, got {duration}")
+
+    from swimmer_mj.render.backend import use_backend
+
+    use_backend(backend)
+    console = _console(json)
+    (directory,) = _run_directories(run)[:1]
+    with console.status(f"drawing {directory}"):
+        pictures = _render_run(directory, out or directory, duration, fps, which)
+    for path in pictures.values():
+        console.print(f"  {path}")
+    if json:
+        _print_json({name: str(path) for name, path in pictures.items()})
+
+
+@_command
+def validate(seed: int = 0, json: bool = False) -> None:
+    """Hold the statements of the physics against each other and against closed forms.
+
+    Args:
+        seed: Of the random swimmers and states.
+        json: Print one JSON object.
+    """
+    from swimmer_mj.validation import physics_report
+
+    console = _console(json)
+    checks = physics_report(seed)
+    _print_checks(console, checks)
+    passed = all(check.passed for check in checks)
+    if json:
+        rows = [{**dataclasses.asdict(check), "passed": check.passed} for check in checks]
+        _print_json({"passed": passed, "checks": rows})
+    if not passed:
+        raise CheckFailedError
+
+
+@_command
+def bench(json: bool = False) -> None:
+    """Steps per second of MuJoCo and of the learners, timed in one run.
+
+    Args:
+        json: Print one JSON object.
+    """
+    from swimmer_mj.learning.benchmark import run_benchmark
+
+    console = _console(json)
+    with console.status("timing"):
+        rates = run_benchmark()
+    table = _table("Steps per second", ("", "1/s"))
+    for name, rate in rates.items():
+        table.add_row(name, f"{rate:,.0f}")
+    console.print(table)
+    if json:
+        _print_json(rates)
+
+
+@_command
+def info(run: Positional[Path | None] = None, json: bool = False) -> None:
+    """What this package offers, or what a run is and how far it has come.
+
+    Args:
+        run: Run directory, if any.
+        json: Print one JSON object.
+    """
+    import swimmer_mj
+
+    facts: dict[str, Any]
+    if run is None:
+        facts = {
+            "version": swimmer_mj.__version__,
+            "tasks": [f"{kind}{n}" for kind in ("swim", "steer") for n in (3, 4, 5)],
+            "problems": ["swim", "pendulum"],
+            "paper": "R. Coulom (2002), Feedforward Neural Networks in Reinforcement Learning Applied to "
+            "High-dimensional Motor Control",
+            "parameters": dataclasses.asdict(swimmer_mj.PAPER),
+        }
+    else:
+        from swimmer_mj.learning.trainer import load_policy
+
+        _, config, checkpoint = load_policy(run)
+        facts = {
+            "run": str(run),
+            "config": config.to_json(),
+            "best": {key: checkpoint[key] for key in ("trial", "seconds", "speed", "mean_value")},
+        }
+    console = _console(json)
+    console.print_json(json_module.dumps(facts))
+    if json:
+        _print_json(facts)
+
+
+@_command
+def doctor(backend: Backend | None = None, json: bool = False) -> None:
+    """Is this installation sound? Versions, one rendered frame, the friction callback at work.
+
+    Args:
+        backend: OpenGL backend to try; OSMesa by default.
+        json: Print one JSON object.
+    """
+    import platform
+    from importlib.metadata import version
+
+    from swimmer_mj.render.backend import BackendError, probe
+    from swimmer_mj.validation import callback_self_test
+
+    packages = ("swimmer-mj", "mujoco", "dm-control", "numpy", "torch", "numba", "scipy")
+    report: dict[str, Any] = {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cores": os.cpu_count(),
+        "versions": {package: version(package) for package in packages},
+    }
+    problems = []
+    try:
+        report["rendering"] = dataclasses.asdict(probe(backend))
+    except BackendError as error:
+        problems.append(f"rendering: {error}")
+        report["rendering"] = {"error": str(error)}
+    try:
+        check = callback_self_test()
+        report["callback"] = {**dataclasses.asdict(check), "passed": check.passed}
+        if not check.passed:
+            problems.append(f"callback: {check.name}: error {check.error:.1e} exceeds {check.tolerance:.0e}")
+    except RuntimeError as error:
+        problems.append(f"callback: {error}")
+        report["callback"] = {"error": str(error)}
+    report["problems"] = problems
+    console = _console(json)
+    console.print_json(json_module.dumps(report))
+    if json:
+        _print_json(report)
+    for problem in problems:
+        console.print(f"[red]{problem}[/red]")
+    if problems:
+        raise CheckFailedError
+
+
+# Parts of commands -----------------------------------------------------------------------------------------------
+
+
+def _train(
+    console: Console,
+    runs: Sequence[TrainingRun],
+    *,
+    trials: int | None = None,
+    seconds: float | None = None,
+    enough: Callable[[TrainingRun], bool] = lambda run: False,
+) -> None:
+    """Train ``runs`` together, with a live table on a terminal and a line an evaluation elsewhere."""
+    import torch
+
+    from swimmer_mj.learning.trainer import train_together
+
+    torch.set_num_threads(1)  # the learners are the parallelism
+    started = time.monotonic()
+    news: dict[int, dict[str, str]] = {id(run): {"seed": str(run.config.seed)} for run in runs}
+    columns = ("seed", "trials", "trials/s", "elapsed", "<V>", "<H²>", "speed", "best")
+
+    def table() -> Any:
+        drawn = _table(None, columns)
+        for row in news.values():
+            drawn.add_row(*(row.get(column, "") for column in columns))
+        return drawn
+
+    with _live(console, table) as live:
+
+        def report(report: Report) -> None:
+            row = news[id(report.run)]
+            row["elapsed"] = f"{time.monotonic() - started:.0f} s"
+            if report.progress is not None:
+                row["trials"] = f"{report.progress.trial:,}"
+                row["trials/s"] = f"{report.progress.trials_per_second:.0f}"
+            if report.metrics is not None:
+                row["<V>"] = f"{report.metrics.mean_value:.3f} m"
+                row["<H²>"] = f"{report.metrics.mean_squared_hamiltonian:.3f} m²/s²"
+                row["speed"] = f"{report.metrics.speed:.3f} m/s"
+                row["best"] = f"{report.run.best_speed:.3f} m/s"
+                if live is None:
+                    console.print("  ".join(f"{column} {row[column]}" for column in columns if column in row))
+
+        train_together(runs, trials=trials, seconds=seconds, enough=enough, report=report)
+
+
+def _evaluate_run(directory: Path, which: Literal["best", "last"], episodes: int) -> dict[str, Any]:
+    """Speed of a run's policy on MuJoCo; bias and error of its V against returns, by equation 1."""
+    import numpy as np
+
+    from swimmer_mj.learning.evaluation import evaluate_swimming
+    from swimmer_mj.learning.fused import FusedTD
+    from swimmer_mj.learning.policy import SwimmingPolicy
+    from swimmer_mj.learning.trainer import evaluation_sample, load_policy
+
+    policy, config, info = load_policy(directory, which)
+    if config.problem != "swim":
+        raise ValueError(
+            f"{directory} learned {config.problem!r}, and swimming speed is defined for swimmers only"
+        )
+    speed = evaluate_swimming(
+        SwimmingPolicy(policy), config.parameters, n_episodes=episodes, workers=os.cpu_count() or 1
+    )
+    judge = FusedTD(policy.problem, policy.network, config.td)
+    states = evaluation_sample(policy.problem)
+    sample = judge.sample(states)
+    returns = judge.rollout(states, duration=10.0 / config.s_gamma).discounted_return
+    return {
+        "run": str(directory),
+        "seed": config.seed,
+        "trials": info["trial"],
+        "speed_mean": speed.mean,
+        "speed_ci95": list(speed.ci95),
+        "n_episodes": episodes,
+        "mean_value": float(sample.value.mean()),
+        "mean_squared_hamiltonian": float((sample.hamiltonian**2).mean()),
+        "mean_return": float(returns.mean()),
+        "value_bias": float((sample.value - returns).mean()),
+        "value_rmse": float(np.sqrt(((sample.value - returns) ** 2).mean())),
+    }
+
+
+def _render_run(
+    directory: Path, out: Path, duration: float, fps: int, which: Literal["best", "last"] = "best"
+) -> dict[str, Path]:
+    """Draw all there is to see of a run; the backend is chosen before."""
+    import math
+
+    from swimmer_mj.learning.evaluation import evaluation_states, record_episode
+    from swimmer_mj.learning.trainer import LOG, load_policy
+    from swimmer_mj.render.curves import OPEN_LOOP_SPEED, learning_curve, rollout_plot
+    from swimmer_mj.render.figures import save_figure
+    from swimmer_mj.render.strip import film_strip
+    from swimmer_mj.render.video import frames, write_video
+
+    policy, config, _ = load_policy(directory, which)
+    if config.problem != "swim":
+        raise ValueError(f"{directory} learned {config.problem!r}; only swimmers are drawn")
+    n = config.parameters.n_links
+    reversal = duration * 5 / 13
+    trajectory = record_episode(
+        policy,
+        config.parameters,
+        evaluation_states(n)[0],
+        duration,
+        lambda now: 0.0 if now < reversal - 1e-9 else math.pi,
+    )
+    paths = {
+        "video": out / "swimmer.mp4",
+        "film_strip": out / "film-strip.png",
+        "learning_curve": out / "learning-curve.png",
+        "episode": out / "episode.png",
+        "trajectory": out / "trajectory.npz",
+    }
+    trajectory.save(paths["trajectory"])
+    write_video(paths["video"], frames(trajectory, fps=fps), fps)
+    save_figure(film_strip(trajectory), paths["film_strip"])
+    log = [(f"seed {config.seed}", directory / LOG)]
+    save_figure(learning_curve(log, reference_speed=OPEN_LOOP_SPEED.get(n)), paths["learning_curve"])
+    save_figure(rollout_plot(trajectory), paths["episode"])
+    return paths
+
+
+def _run_directories(path: Path) -> list[Path]:
+    """``path`` itself if it is a run, or the runs seed-0, seed-1 .. in it."""
+    from swimmer_mj.learning.trainer import CONFIG
+
+    if (path / CONFIG).is_file():
+        return [path]
+    found = [p for p in path.glob("seed-*") if p.name[5:].isdigit() and (p / CONFIG).is_file()]
+    if not found:
+        raise FileNotFoundError(
+            f"{path} is not a run directory: it has neither {CONFIG} nor seed-0, seed-1 .."
+        )
+    return sorted(found, key=lambda p: int(p.name[5:]))
+
+
+def _free_directory(path: Path) -> Path:
+    """``path``, or the first of path-2, path-3 .. that does not exist."""
+    candidate, k = path, 1
+    while candidate.exists():
+        k += 1
+        candidate = path.with_name(f"{path.name}-{k}")
+    return candidate
+
+
+def _parse_seeds(text: str) -> list[int]:
+    """[0, 1, 2, 5] of "0-2,5"."""
+    seeds: list[int] = []
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d+)(?:\s*-\s*(\d+))?\s*", part)
+        if match is None or (match[2] and int(match[2]) < int(match[1])):
+            raise ValueError(f"--seeds must be like 0-7 or 1,4,9; got {text!r}")
+        seeds.extend(range(int(match[1]), int(match[2] or match[1]) + 1))
+    if len(set(seeds)) < len(seeds):
+        raise ValueError(f"--seeds names a seed twice: {text!r}")
+    return seeds
+
+
+# Output ----------------------------------------------------------------------------------------------------------
+
+
+def _console(json: bool) -> Console:
+    """Where people read: standard output, or nowhere when that is for JSON."""
+    from rich.console import Console
+
+    return Console(quiet=json, highlight=False)
+
+
+def _print_json(value: dict[str, Any]) -> None:
+    print(json_module.dumps(value, indent=2, allow_nan=False))
+
+
+def _table(title: str | None, columns: Sequence[str]) -> Any:
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    table = Table(title=title, box=SIMPLE, title_justify="left")
+    for i, column in enumerate(columns):
+        table.add_column(column, justify="left" if i == 0 else "right")
+    return table
+
+
+@contextlib.contextmanager
+def _live(console: Console, draw: Callable[[], Any]) -> Iterator[Any]:
+    """A display that redraws itself on a terminal; None elsewhere."""
+    if not console.is_terminal or console.quiet:
+        yield None
+        return
+    from rich.live import Live
+
+    with Live(get_renderable=draw, console=console, refresh_per_second=4) as live:
+        yield live
+
+
+def _print_checks(console: Console, checks: Sequence[Any]) -> None:
+    table = _table(None, ("check", "error", "tolerance", ""))
+    for check in checks:
+        verdict = "[green]ok[/green]" if check.passed else "[red]FAILED[/red]"
+        table.add_row(check.name, f"{check.error:.1e}", f"{check.tolerance:.0e}", verdict)
+    console.print(table)
+
+
+def _print_evaluation(console: Console, result: dict[str, Any]) -> None:
+    low, high = result["speed_ci95"]
+    console.print(
+        f"seed {result['seed']}, {result['trials']:,} trials: swimming speed "
+        f"[bold]{result['speed_mean']:.3f} m/s[/bold] "
+        f"(95 % interval over {result['n_episodes']} episodes: {low:.3f} to {high:.3f})\n"
+        f"<V> {result['mean_value']:.3f} m against a mean return of {result['mean_return']:.3f} m "
+        f"(root mean square error {result['value_rmse']:.3f} m), <H²> {result['mean_squared_hamiltonian']:.3f} m²/s²"
+    )
+
+
+# Entry -----------------------------------------------------------------------------------------------------------
+
+
+def _one_line(message: str) -> str:
+    """A message without line breaks and without the boxes that the parser draws."""
+    return " ".join(re.sub(r"\x1b\[[0-9;]*m|[─│╭╮╰╯]", " ", message).split())
+
+
+def _complain(message: str) -> int:
+    print(f"swimmer-mj: {_one_line(message)}", file=sys.stderr)
+    return 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit status."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    complaint = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(complaint):
+            command = _app.cli(
+                prog="swimmer-mj", description=_DESCRIPTION, args=arguments, config=(FlagCreatePairsOff,)
+            )
+    except SystemExit as stop:
+        return _complain(complaint.getvalue()) if stop.code else 0
+    from swimmer_mj.render.backend import BackendError, use_backend
+
+    with contextlib.suppress(BackendError):
+        use_backend()  # else dm_control looks for a screen when it is imported, also where nothing is drawn
+    try:
+        command()
+    except CheckFailedError:
+        return 1
+    except KeyboardInterrupt:
+        return _complain("interrupted; train --resume goes on from the last evaluation") and 130
+    except (ValueError, OSError, FloatingPointError) as error:
+        return _complain(str(error))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

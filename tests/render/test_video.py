@@ -1,0 +1,219 @@
+import itertools
+import math
+import re
+import subprocess
+import sys
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+
+from swimmer_mj import PAPER, SwimmerParameters
+from swimmer_mj.mjcf import mjcf
+from swimmer_mj.render.video import frames, write_video
+from swimmer_mj.state import expand, link_centers, reduced_size
+from swimmer_mj.trajectory import Trajectory
+
+WIDTH, HEIGHT = 320, 240
+
+
+def standing(angles, *, parameters=PAPER, center=(0.0, 0.0), direction=0.0):
+    """A single state: no velocity, the centre of mass at ``center``."""
+    z = np.zeros(reduced_size(parameters.n_links))
+    z[: parameters.n_links] = angles
+    x = expand(parameters, z)
+    x[:2] += center
+    unknown = [np.nan]
+    controls = np.empty((0, parameters.n_links - 1))
+    return Trajectory(parameters, [0.0], [x], controls, [direction], unknown, unknown)
+
+
+def draw(trajectory, **options):
+    """The only frame of a single state."""
+    (frame,) = frames(trajectory, **({"width": WIDTH, "height": HEIGHT, "caption": False} | options))
+    return frame.astype(int)
+
+
+def pixel_of(point, center, parameters):
+    """Row and column where a camera above ``center`` that looks down, y upwards, sees ``point``."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(mjcf(parameters))
+    camera = model.camera("top")
+    scale = HEIGHT / 2 / (camera.pos[2] * math.tan(math.radians(camera.fovy[0]) / 2))
+    x, y = scale * (np.asarray(point) - center)
+    return round(HEIGHT / 2 - 0.5 - y), round(WIDTH / 2 - 0.5 + x)
+
+
+def is_blue(pixel):
+    return pixel[2] - pixel[0] > 60 and pixel[0] < 100
+
+
+def is_orange(pixel):
+    return pixel[0] - pixel[2] > 80
+
+
+def test_links_appear_where_the_state_says():
+    angles = [0.3, -0.5, 0.8, 0.0, -0.9]
+    trajectory = standing(angles, center=(1.5, -0.7))
+    frame = draw(trajectory, camera="top")
+    for i, point in enumerate(link_centers(PAPER, trajectory.states[0])):
+        pixel = frame[pixel_of(point, (0.0, 0.0), PAPER)]
+        assert (is_orange if i % 2 else is_blue)(pixel), (i, pixel)
+    mirrored = draw(standing([-a for a in angles], center=(1.5, 0.7)), camera="top")
+    outer = link_centers(PAPER, trajectory.states[0])[0]
+    assert not is_blue(mirrored[pixel_of(outer, (0.0, 0.0), PAPER)])
+
+
+def test_unequal_links_appear_where_the_state_says():
+    parameters = SwimmerParameters(3, mass=(1.0, 3.0, 0.5), length=(0.5, 2.0, 1.0))
+    trajectory = standing([2.0, 0.4, -1.0], parameters=parameters)
+    frame = draw(trajectory, camera="top")
+    for i, point in enumerate(link_centers(parameters, trajectory.states[0])):
+        pixel = frame[pixel_of(point, (0.0, 0.0), parameters)]
+        assert (is_orange if i % 2 else is_blue)(pixel), (i, pixel)
+
+
+def swimmer_pixels(frame):
+    return np.argwhere((frame[..., 2] - frame[..., 0] > 60) & (frame[..., 0] < 100))
+
+
+def test_tracking_follows_the_centre_of_mass_over_a_ground_that_stays():
+    here, there = draw(standing(np.zeros(5))), draw(standing(np.zeros(5), center=(13.3, -7.1)))
+    np.testing.assert_allclose(
+        swimmer_pixels(here).mean(axis=0), swimmer_pixels(there).mean(axis=0), atol=1.0
+    )
+    changed = np.abs(here - there).max(axis=-1) > 4
+    assert changed.mean() > 0.05  # the grid has moved on
+
+
+def test_a_fixed_camera_sees_the_swimmer_move():
+    here = swimmer_pixels(draw(standing(np.zeros(5)), camera="top")).mean(axis=0)
+    there = swimmer_pixels(draw(standing(np.zeros(5), center=(1.0, 0.5)), camera="top")).mean(axis=0)
+    assert there[1] - here[1] > 5  # to the right
+    assert there[0] - here[0] < -2  # and up
+
+
+@pytest.mark.parametrize("direction", [0.0, np.pi / 2, np.pi, -np.pi / 2])
+def test_the_mark_stands_in_the_target_direction(direction):
+    frame = draw(standing(np.zeros(5), direction=direction), camera="top")
+    red = np.argwhere((frame[..., 0] - frame[..., 2] > 80) & (frame[..., 0] - frame[..., 1] > 100))
+    assert len(red) > 10
+    row, column = red.mean(axis=0) - [HEIGHT / 2, WIDTH / 2]
+    seen = np.array([column, -row]) / math.hypot(row, column)
+    np.testing.assert_allclose(seen, [math.cos(direction), math.sin(direction)], atol=0.05)
+
+
+def test_one_frame_each_period_of_the_recorded_time(episode):
+    drawn = list(frames(episode, width=64, height=48, fps=10))
+    assert len(drawn) == 30
+    assert {(frame.shape, frame.dtype) for frame in drawn} == {((48, 64, 3), np.dtype(np.uint8))}
+
+
+def test_frame_k_shows_the_state_at_its_time(episode):
+    sixth = next(itertools.islice(frames(episode, width=WIDTH, height=HEIGHT, fps=4, caption=False), 5, None))
+    at = episode.index_at(5 / 4)
+    alone = Trajectory(
+        episode.parameters,
+        episode.times[[at]],
+        episode.states[[at]],
+        np.empty((0, 4)),
+        episode.target_directions[[at]],
+        [np.nan],
+        [np.nan],
+    )
+    np.testing.assert_array_equal(sixth, draw(alone))
+    first = next(frames(episode, width=WIDTH, height=HEIGHT, fps=4, caption=False))
+    assert (np.abs(sixth.astype(int) - first) > 60).any(axis=-1).sum() > 100
+
+
+def test_the_caption_is_written_at_the_lower_left():
+    trajectory = standing(np.zeros(5))
+    changed = np.argwhere(np.abs(draw(trajectory, caption=True) - draw(trajectory)).max(axis=-1) > 40)
+    assert len(changed) > 100
+    assert changed[:, 0].min() > 0.88 * HEIGHT
+    assert changed[:, 0].max() < HEIGHT - 2
+    assert changed[:, 1].max() < WIDTH - 2
+
+
+def test_samples_smooth_edges():
+    bent = standing([0.2, 0.4, 0.6, 0.4, 0.2])
+    colours = [len(np.unique(draw(bent, samples=samples).reshape(-1, 3), axis=0)) for samples in (0, 4)]
+    assert colours[1] > 1.2 * colours[0]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"width": 0}, "width must be positive, got 0"),
+        ({"fps": -1}, "fps must be positive, got -1"),
+        ({"camera": "side"}, "camera must be 'tracking' or 'top', got 'side'"),
+    ],
+)
+def test_frames_refuses_at_the_call(episode, options, message):
+    with pytest.raises(ValueError, match=message):
+        frames(episode, **options)
+
+
+def test_an_abandoned_generator_leaves_nothing_at_exit(tmp_path, episode):
+    episode.save(tmp_path / "episode.npz")
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-W",
+            "error",
+            "-c",
+            "from swimmer_mj.render.video import frames\n"
+            "from swimmer_mj.trajectory import Trajectory\n"
+            f"generator = frames(Trajectory.load({str(tmp_path / 'episode.npz')!r}), width=64, height=48)\n"
+            "print(next(generator).shape)\n",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "(48, 64, 3)\n", "")
+
+
+def read_back(path):
+    """What ffmpeg says of a video, and its frames as one string of RGB bytes."""
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    done = subprocess.run(command, capture_output=True, check=True, timeout=60)
+    return done.stderr.decode(), done.stdout
+
+
+def test_the_video_has_the_frames_size_and_rate_declared(tmp_path, episode):
+    drawn = list(frames(episode, width=162, height=122, fps=25))  # no multiples of 16
+    assert write_video(tmp_path / "new" / "swim.mp4", iter(drawn), fps=25) == 75
+    said, decoded = read_back(tmp_path / "new" / "swim.mp4")
+    assert re.search(r"Duration: 00:00:03\.00,", said)
+    assert re.search(r"Video: h264 .*\byuv420p\b.*\b162x122\b.*\b25 fps\b", said)
+    video = np.frombuffer(decoded, np.uint8).reshape(75, 122, 162, 3)
+    for k in (0, 40, 74):
+        assert np.abs(video[k].astype(int) - drawn[k]).mean() < 6
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["swim.mp4"]
+
+
+def test_a_video_that_fails_leaves_no_file(tmp_path):
+    def failing():
+        yield np.zeros((48, 64, 3), np.uint8)
+        raise RuntimeError("no more")
+
+    with pytest.raises(RuntimeError, match="no more"):
+        write_video(tmp_path / "swim.mp4", failing())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "shapes", "message"),
+    [
+        ("swim.mp4", [], "at least one frame"),
+        ("swim.mp4", [(48, 63, 3)], "must be even, got 48 x 63"),
+        ("swim.gif", [(48, 64, 3)], "must end with .mp4, .mkv or .mov"),
+        ("swim.mp4", [(48, 64, 3), (48, 66, 3)], r"frame 1 is uint8 \(48, 66, 3\), not uint8 \(48, 64, 3\)"),
+    ],
+)
+def test_write_video_refuses(tmp_path, name, shapes, message):
+    with pytest.raises(ValueError, match=message):
+        write_video(tmp_path / name, [np.zeros(shape, np.uint8) for shape in shapes])
+    assert list(tmp_path.iterdir()) == []

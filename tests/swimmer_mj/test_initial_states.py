@@ -1,0 +1,24 @@
+import numpy as np
+import pytest
+
+from swimmer_mj.initial_states import random_initial_state
+
+
+@pytest.mark.parametrize("rng", [np.random.default_rng(0), np.random.RandomState(0)])
+def test_components_are_uniform_within_their_bounds(rng):
+    n = 3
+    z = random_initial_state(rng, n, 20_000)
+    assert z.shape == (20_000, 2 * n + 2)
+    bound = np.array([np.pi] * n + [1.0] * n + [0.3] * 2)
+    assert (np.abs(z) <= bound).all()
+    np.testing.assert_allclose(z.mean(0) / bound, 0, atol=0.03)
+    np.testing.assert_allclose(z.std(0) / bound, 1 / np.sqrt(3), rtol=0.03)
+    correlations = np.corrcoef(z.T) - np.eye(2 * n + 2)
+    assert np.abs(correlations).max() < 0.04
+
+
+def test_one_state_is_the_first_of_many():
+    one = random_initial_state(np.random.default_rng(1), 5)
+    many = random_initial_state(np.random.default_rng(1), 5, 4)
+    assert one.shape == (12,)
+    np.testing.assert_array_equal(one, many[0])

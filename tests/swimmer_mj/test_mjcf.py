@@ -1,0 +1,123 @@
+import importlib.resources
+import xml.etree.ElementTree as ET
+
+import mujoco
+import numpy as np
+import pytest
+
+from swimmer_mj.mjcf import PAPER_MODELS, mjcf, mjcf_file, read_parameters
+from swimmer_mj.parameters import PAPER, SwimmerParameters
+from swimmer_mj.validation import random_parameters
+
+
+def compiled(parameters, **kwargs):
+    return mujoco.MjModel.from_xml_string(mjcf(parameters, **kwargs))
+
+
+@pytest.fixture(params=[1, 2, 3, 5, 8])
+def parameters(request):
+    return random_parameters(np.random.default_rng(request.param), request.param)
+
+
+def test_parameters_survive_the_model_exactly(parameters):
+    assert read_parameters(compiled(parameters)) == parameters
+
+
+def test_links_are_rods(parameters):
+    model = compiled(parameters)
+    m, l = parameters.masses, parameters.lengths
+    for i in range(parameters.n_links):
+        body = model.body(f"link_{i + 1}")
+        assert body.mass == m[i]
+        assert body.inertia[2] == m[i] * l[i] ** 2 / 12
+        np.testing.assert_array_equal(body.ipos, [l[i] / 2, 0, 0])
+        np.testing.assert_array_equal(body.iquat, [1, 0, 0, 0])
+        np.testing.assert_array_equal(body.pos, [l[i - 1] if i else 0, 0, 0])
+
+
+def test_inertia_is_that_of_the_rods_also_about_the_first_joint(parameters):
+    """What the compiled model does with it: the straight chain's moment of inertia about A_0."""
+    model = compiled(parameters)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    M = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, M)
+    m, l = parameters.masses, parameters.lengths
+    centers = np.cumsum(l) - l / 2
+    np.testing.assert_allclose(M[2, 2], (m * l**2 / 12 + m * centers**2).sum(), rtol=1e-13)
+    np.testing.assert_allclose(M[0, 0], m.sum(), rtol=1e-13)
+
+
+def test_nothing_acts_but_motors(parameters):
+    model = compiled(parameters)
+    assert (model.opt.density, model.opt.viscosity) == (0, 0)
+    np.testing.assert_array_equal(model.opt.gravity, 0)
+    for field in ("dof_damping", "dof_armature", "dof_frictionloss", "jnt_stiffness", "jnt_limited"):
+        np.testing.assert_array_equal(getattr(model, field), 0)
+    np.testing.assert_array_equal(model.geom_contype, 0)
+    np.testing.assert_array_equal(model.geom_conaffinity, 0)
+
+
+def test_motors_have_their_limits_as_gear(parameters):
+    model = compiled(parameters)
+    assert model.nu == parameters.n_links - 1
+    np.testing.assert_array_equal(model.actuator_gear[:, 0], parameters.torque_limits)
+    np.testing.assert_array_equal(model.actuator_ctrlrange, np.tile([-1.0, 1.0], (model.nu, 1)))
+    for i in range(model.nu):
+        assert model.joint(model.actuator_trnid[i, 0]).name == f"hinge_{i + 2}"
+        assert model.actuator(i).name == f"motor_{i + 1}"
+
+
+def test_everything_is_named(parameters):
+    root = ET.fromstring(mjcf(parameters))
+    unnamed = [
+        element.tag
+        for section in ("worldbody", "asset", "actuator", "custom")
+        for element in root.findall(f"{section}//*")
+        if element.tag not in ("inertial", "element") and "name" not in element.attrib
+    ]
+    assert unnamed == []
+
+
+def test_cameras_look_down_on_the_swimmer():
+    model = compiled(PAPER)
+    data = mujoco.MjData(model)
+    data.qpos[:2] = 30, -20
+    mujoco.mj_forward(model, data)
+    tracking = data.camera("tracking")
+    np.testing.assert_allclose(tracking.xpos[:2], data.subtree_com[model.body("link_1").id, :2], atol=1e-12)
+    for name in ("top", "tracking"):
+        np.testing.assert_allclose(data.camera(name).xmat, np.eye(3).ravel(), atol=1e-12)
+
+
+def test_integrator_and_timestep_are_set():
+    model = compiled(PAPER, integrator="Euler", timestep=0.002)
+    assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+    assert model.opt.timestep == 0.002
+    assert compiled(PAPER).opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "message"),
+    [
+        ({"integrator": "rk4"}, "integrator must be Euler, RK4, implicit or implicitfast, got 'rk4'"),
+        ({"timestep": 0.0}, "timestep must be positive and finite, got 0.0"),
+        ({"timestep": float("nan")}, "timestep must be positive and finite, got nan"),
+    ],
+)
+def test_refuses_unknown_integrators_and_bad_timesteps(kwargs, message):
+    with pytest.raises(ValueError, match=message):
+        mjcf(PAPER, **kwargs)
+
+
+@pytest.mark.parametrize(("name", "n_links"), PAPER_MODELS.items())
+def test_generated_files_are_the_builders_output(name, n_links):
+    file = importlib.resources.files("swimmer_mj.models").joinpath(name)
+    expected = mjcf_file(SwimmerParameters(n_links=n_links))
+    assert file.read_text(encoding="utf-8") == expected, "run: python -m swimmer_mj.mjcf"
+    assert read_parameters(mujoco.MjModel.from_xml_string(expected)) == SwimmerParameters(n_links=n_links)
+
+
+def test_other_models_have_no_parameters():
+    with pytest.raises(ValueError, match="not one swimmer's model"):
+        read_parameters(mujoco.MjModel.from_xml_string("<mujoco/>"))
