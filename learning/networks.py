@@ -87,7 +87,7 @@ class Cascade(ValueNetwork):
 
     def learning_rates(self, eta: float, output_scaling: bool = True) -> list[Tensor]:
         """As in :class:`ValueNetwork`; zero where there is no connection."""
-        rates = torch.where(self.connected, eta, 0.0).to(self.weight.dtype)
+        rates = eta * self.connected.to(self.weight.dtype)
         if output_scaling:
             rates[-1] /= self.n_neurons**0.5
         return [rates]

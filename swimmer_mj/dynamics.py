@@ -69,7 +69,9 @@ class QposQvel(NamedTuple):
 
 def _joint_angles(angles: Array) -> Array:
     """theta_1, theta_2 - theta_1, .. from theta_1, theta_2, .. along the last axis."""
-    return np.diff(angles, axis=-1, prepend=0.0)
+    joint_angles = angles.copy()
+    joint_angles[..., 1:] -= angles[..., :-1]
+    return joint_angles
 
 
 def to_qpos_qvel(x: ArrayLike, n_links: int) -> QposQvel:
