@@ -1,0 +1,183 @@
+import csv
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from swimmer_mj.learning.checkpoint import load_checkpoint
+from swimmer_mj.learning.continuous_td import TDSettings
+from swimmer_mj.learning.trainer import Metrics, TrainConfig, TrainingRun, load_policy, read_config, train_together
+from swimmer_mj.learning.vario_eta import VarioEta
+from swimmer_mj.parameters import SwimmerParameters
+
+SMALL = TrainConfig(
+    problem="pendulum", neurons=10, evaluate_every=20, td=TDSettings(eta=0.04, trial_duration=1.0)
+)
+
+
+def tensors_of(run):
+    return load_checkpoint(run.directory / "checkpoint.safetensors")[0]
+
+
+def rows_of(run):
+    """metrics.csv without the column of wall-clock time."""
+    with open(run.directory / "metrics.csv", newline="") as file:
+        rows = list(csv.reader(file))
+    return [[value for i, value in enumerate(row) if i != 1] for row in rows]
+
+
+@pytest.mark.parametrize("vario", [None, VarioEta()])
+def test_an_interrupted_run_computes_the_same_bits(tmp_path, vario):
+    config = dataclasses.replace(SMALL, td=dataclasses.replace(SMALL.td, vario=vario))
+    whole = TrainingRun(tmp_path / "whole", config)
+    for _ in range(3):
+        whole.advance()
+
+    run = TrainingRun(tmp_path / "parts", config)
+    run.advance(stretch=7)
+    assert run.advance(stretch=3, stop=lambda: True) is None  # cut off in the middle of a period
+    resumed = TrainingRun(tmp_path / "parts", resume=True)
+    assert resumed.trial == 20
+    resumed.advance()
+    resumed = TrainingRun(tmp_path / "parts", resume=True)
+    resumed.advance(stretch=1)
+
+    assert rows_of(resumed) == rows_of(whole)
+    assert len(rows_of(whole)) == 4
+    for name, tensor in tensors_of(whole).items():
+        assert torch.equal(tensors_of(resumed)[name], tensor)
+    assert resumed.best_speed == whole.best_speed
+    assert resumed.seconds > 0
+
+
+def test_seeds_differ_and_repeat(tmp_path):
+    def weights(name, seed):
+        run = TrainingRun(tmp_path / name, dataclasses.replace(SMALL, seed=seed))
+        run.advance()
+        return tensors_of(run)["weight"]
+
+    assert torch.equal(weights("a", 1), weights("b", 1))
+    assert not torch.equal(weights("c", 1), weights("d", 2))
+
+
+def test_keeps_the_best_weights(tmp_path):
+    run = TrainingRun(tmp_path / "run", SMALL)
+    speeds = iter([0.1, 0.5, 0.3])
+    run.speed = lambda: next(speeds)
+    weights = []
+    for _ in range(3):
+        run.advance()
+        weights.append(run.network.weight.detach().clone())
+    best, _, info = load_policy(run.directory)
+    assert info["speed"] == 0.5
+    assert info["trial"] == 40
+    assert torch.equal(best.network.weight, weights[1])
+    last, _, _ = load_policy(run.directory, "last")
+    assert torch.equal(last.network.weight, weights[2])
+
+
+def test_what_a_run_leaves(tmp_path):
+    run = TrainingRun(tmp_path / "run", SMALL)
+    metrics = run.advance()
+    names = {"config.json", "metrics.csv", *(f"{n}.{s}" for n in ("checkpoint", "best") for s in ("safetensors", "json"))}
+    assert {p.name for p in run.directory.iterdir()} == names
+    with open(run.directory / "metrics.csv", newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert list(row) == ["trial", "seconds", "mean_value", "mean_squared_hamiltonian", "speed"]
+    assert Metrics(*(float(value) for value in row.values())) == metrics
+    sample = run.fused.sample(run.problem.initial_states(np.random.default_rng(1), 1000))
+    assert metrics is not None
+    assert metrics.mean_value == pytest.approx(sample.value.mean())
+    assert metrics.mean_squared_hamiltonian == pytest.approx((sample.hamiltonian**2).mean())
+
+
+def test_a_configuration_survives_its_file(tmp_path):
+    config = TrainConfig(
+        seed=3,
+        parameters=SwimmerParameters(4, [1, 2, 3, 4], 0.5, 3.0, [1, 2, 3]),
+        s_gamma=0.7,
+        td=TDSettings(eta=0.02, vario=VarioEta(beta=0.05), output_scaling=False),
+        neurons=12,
+        dtype="float64",
+    )
+    run = TrainingRun(tmp_path / "run", config)
+    assert read_config(run.directory) == config
+    assert json.loads((run.directory / "config.json").read_text())["parameters"]["mass"] == [1, 2, 3, 4]
+
+
+def test_does_not_overwrite_a_run(tmp_path):
+    run = TrainingRun(tmp_path / "run", SMALL)
+    run.advance()
+    before = (run.directory / "metrics.csv").read_text()
+    with pytest.raises(FileExistsError, match="already holds a run; resume it, or choose another"):
+        TrainingRun(tmp_path / "run", SMALL)
+    assert (run.directory / "metrics.csv").read_text() == before
+
+
+def test_refuses_what_is_no_run(tmp_path):
+    with pytest.raises(FileNotFoundError, match="there is no run to resume"):
+        TrainingRun(tmp_path / "none", resume=True)
+    with pytest.raises(FileNotFoundError, match="is not a run directory"):
+        read_config(tmp_path)
+    (tmp_path / "config.json").write_text('{"seed": 1}')
+    with pytest.raises(ValueError, match="is not the configuration of a run"):
+        read_config(tmp_path)
+
+
+def test_says_when_learning_diverges(tmp_path):
+    config = dataclasses.replace(SMALL, td=dataclasses.replace(SMALL.td, eta=1e6))
+    run = TrainingRun(tmp_path / "run", config)
+    with pytest.raises(FloatingPointError, match=r"no longer finite after \d+ trials: eta 1000000.0 is too large"):
+        for _ in range(20):
+            run.advance()
+
+
+def test_both_engines_run_the_same_run(tmp_path):
+    small = dataclasses.replace(SMALL, dtype="float64", evaluate_every=3)
+    weights = []
+    for engine in ("fused", "torch"):
+        run = TrainingRun(tmp_path / engine, dataclasses.replace(small, engine=engine))
+        run.advance()
+        weights.append(tensors_of(run)["weight"])
+    assert (weights[0] - weights[1]).abs().max() < 1e-11
+    assert weights[0].abs().sum() > 0
+
+
+def test_runs_together_stop_at_a_number_of_trials(tmp_path):
+    runs = [TrainingRun(tmp_path / f"seed-{s}", dataclasses.replace(SMALL, seed=s)) for s in range(3)]
+    reports = []
+    train_together(runs, trials=50, report=reports.append, workers=2)
+    assert [run.trial for run in runs] == [60, 60, 60]
+    assert sum(report.metrics is not None for report in reports) == 9
+    alone = TrainingRun(tmp_path / "alone", dataclasses.replace(SMALL, seed=2))
+    for _ in range(3):
+        alone.advance()
+    assert torch.equal(alone.network.weight, runs[2].network.weight)
+
+
+def test_runs_together_stop_when_one_is_good_enough(tmp_path):
+    runs = [TrainingRun(tmp_path / f"seed-{s}", dataclasses.replace(SMALL, seed=s)) for s in range(2)]
+    train_together(runs, enough=lambda run: run.trial >= 40)
+    assert max(len(run.history) for run in runs) == 2
+
+
+def test_runs_together_stop_in_time(tmp_path):
+    run = TrainingRun(tmp_path / "run", dataclasses.replace(SMALL, evaluate_every=10**9))
+    train_together([run], seconds=0.2)
+    assert run.history == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"seed": -1}, "seed must not be negative, got -1"),
+        ({"neurons": 1}, "neurons must be at least 2"),
+        ({"evaluate_every": 0}, "evaluate_every must be at least 1 trial, got 0"),
+        ({"problem": "pendulum", "physics": "mujoco"}, "physics 'mujoco' is for swimming, not for 'pendulum'"),
+    ],
+)
+def test_configuration_refuses(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        TrainConfig(**arguments)
