@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DELETE_ON_ERROR:
-.PHONY: setup demo test check lint types bench figures clean
+.PHONY: setup demo test check lint types bench clean
 
 setup: $(STAMP)
 
@@ -30,9 +30,6 @@ check: lint types test
 
 bench: setup
 	$(BIN)/swimmer-mj bench
-
-figures: setup
-	$(BIN)/swimmer-mj figures
 
 clean:
 	rm -rf $(VENV) build dist runs *.egg-info .pytest_cache .ruff_cache .hypothesis

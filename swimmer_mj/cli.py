@@ -198,6 +198,13 @@ def train(
         evaluate_every=evaluate_every,
     )
     if resume:
+        default = TrainConfig()
+        fields = [
+            f.name for f in dataclasses.fields(config) if getattr(config, f.name) != getattr(default, f.name)
+        ]
+        if fields or seed or seeds:
+            named = ", ".join(fields or ["seed"])
+            raise ValueError(f"--resume goes on with the run's own configuration: leave out {named}")
         runs = [TrainingRun(directory, resume=True) for directory in _run_directories(out)]
     else:
         directories = [out] if seeds is None else [out / f"seed-{s}" for s in chosen]
@@ -485,7 +492,10 @@ def _evaluate_run(directory: Path, which: Literal["best", "last"], episodes: int
             f"{directory} learned {config.problem!r}, and swimming speed is defined for swimmers only"
         )
     speed = evaluate_swimming(
-        SwimmingPolicy(policy), config.parameters, n_episodes=episodes, workers=os.cpu_count() or 1
+        SwimmingPolicy(policy),
+        config.parameters,
+        n_episodes=episodes,
+        workers=(os.cpu_count() or 1) if episodes > 8 else 1,  # a process takes seconds to start
     )
     judge = FusedTD(policy.problem, policy.network, config.td)
     states = evaluation_sample(policy.problem)
@@ -671,7 +681,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CheckFailedError:
         return 1
     except KeyboardInterrupt:
-        return _complain("interrupted; train --resume goes on from the last evaluation") and 130
+        return _complain("interrupted") and 130
     except (ValueError, OSError, FloatingPointError) as error:
         return _complain(str(error))
     return 0

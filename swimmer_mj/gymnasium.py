@@ -65,8 +65,9 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
     **Episode**: starts from a random state and never terminates. ``gymnasium.make`` truncates it after 500
     steps, or as many as its ``max_episode_steps`` says; the bare class never does.
 
-    ``reset(seed=s)`` starts the episodes of ``swimmer_mj.load(task, task_kwargs={"random": s})``. ``np_random``
-    is the source that they are drawn from. A pickled or copied environment goes on where the original stands.
+    ``reset(seed=s)`` starts the episodes of ``swimmer_mj.load(task, task_kwargs={"random": s})``: they are drawn
+    from dm_control's kind of source, ``task.random``. ``np_random``, Gymnasium's, gets the same seed and is left
+    to wrappers. A pickled or copied environment goes on where the original stands.
 
     Parameters
     ----------
@@ -108,11 +109,10 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
             )
         if frame_skip < 1:
             raise ValueError(f"frame_skip must be at least 1, got {frame_skip!r}")
-        self._bit_generator = np.random.MT19937()
         self._env = suite.load(
             task,
             task_kwargs={
-                "random": np.random.RandomState(self._bit_generator),
+                "random": np.random.RandomState(legacy_seed(self.np_random_seed)),
                 "time_limit": float("inf"),
                 "params": params,
                 "initial_states": initial_states,
@@ -145,7 +145,7 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
         Parameters
         ----------
         seed : int, optional
-            Not negative. Without one, the source of random numbers goes on where it stands.
+            Not negative. Without one, random numbers go on where they stand.
         options : dict, optional
             Ignored.
 
@@ -156,9 +156,8 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
             Empty.
         """
         super().reset(seed=seed)
-        if seed is not None or self._np_random is None:
-            self._env.task.random.seed(legacy_seed(self.np_random_seed))
-            self._np_random = np.random.Generator(self._bit_generator)
+        if seed is not None:
+            self.task.random.seed(legacy_seed(seed))
         return self._observation(self._env.reset()), {}
 
     def step(self, action: Action) -> tuple[Array, float, bool, bool, dict[str, Any]]:

@@ -110,8 +110,8 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         Parameters
         ----------
         seed : int or sequence of int, optional
-            Environment i is seeded with ``seed + i`` or with ``seed[i]``. Without one, its source of random
-            numbers goes on where it stands.
+            Environment i is seeded with ``seed + i`` or with ``seed[i]``. Without one, its random
+            numbers go on where they stand.
         options : dict, optional
             ``reset_mask``, a bool array of shape (num_envs,): which environments to reset; all by default.
 
@@ -170,8 +170,9 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         self._batch.ctrl = actions
         if len(stepping):
             self._batch.step(stepping, nstep=self._single.frame_skip)
-        if self._batch.warning.any():
-            bad = np.flatnonzero(self._batch.warning.any(axis=1))
+        warned = self._batch.warning[:, :, 1].any(axis=1)  # their numbers; at 0 is what they are about
+        if warned.any():
+            bad = np.flatnonzero(warned)
             raise PhysicsError(f"the physics state of environments {bad} is invalid: MuJoCo raised warnings")
         elapsed = self._batch.time - start_time
         elapsed[resetting] = 1.0  # s; any

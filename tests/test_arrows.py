@@ -1,0 +1,58 @@
+"""The one direction of imports: models <- swimmer_mj <- learning <- render (docs/decisions/0001)."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+LAYERS = ["models", "swimmer_mj", "learning", "render"]
+LOOKS_UP = {ROOT / "swimmer_mj" / "cli.py"}  # the command line, which imports inside its commands
+FILES = [path for layer in LAYERS for path in sorted((ROOT / layer).glob("**/*.py"))]
+
+
+def imports(path):
+    """Names of the modules that ``path`` imports anywhere, and whether at import time."""
+    tree = ast.parse(path.read_text())
+    inside = {id(node) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for node in ast.walk(f)}
+    inside |= {
+        id(node)
+        for block in ast.walk(tree)
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"
+        for node in ast.walk(block)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, id(node) not in inside) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            yield from ((f"{node.module}.{alias.name}", id(node) not in inside) for alias in node.names)
+
+
+def layer_of(module):
+    parts = module.split(".")
+    if parts[0] != "swimmer_mj":
+        return None
+    return parts[1] if len(parts) > 1 and parts[1] in LAYERS[2:] + LAYERS[:1] else "swimmer_mj"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_imports_point_one_way(path):
+    own = LAYERS.index(path.relative_to(ROOT).parts[0])
+    for module, at_import in imports(path):
+        assert module.split(".")[0] not in ("models", "learning", "render"), f"{module}: write swimmer_mj.{module}"
+        layer = layer_of(module)
+        if layer is not None and LAYERS.index(layer) > own:
+            assert path in LOOKS_UP, f"{path} imports {module}, which stands to its right"
+            assert not at_import, f"{path} imports {module} at import time"
+        if module.split(".")[0] == "torch":
+            assert own >= LAYERS.index("learning") or path in LOOKS_UP, f"{path} imports torch"
+        if module.split(".")[0] in ("mujoco", "dm_control"):
+            assert path.name not in ("analytic.py", "state.py", "parameters.py", "reduced.py")
+        if path.parts[-2] == "models":
+            pytest.fail(f"models imports nothing, but {path} imports {module}")
+
+
+def test_there_are_files_to_look_at():
+    assert len(FILES) > 20
+    assert ("swimmer_mj.reduced.reduced_constants", True) in set(imports(ROOT / "learning" / "swimming.py"))

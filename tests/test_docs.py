@@ -1,0 +1,181 @@
+"""What the documentation says is run, followed or looked up."""
+
+import importlib
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from swimmer_mj.cli import main
+from swimmer_mj.learning.trainer import Metrics
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "models" / "README.md"]
+
+
+def page(name):
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def without_fences(text):
+    return re.sub(r"```.*?```", "", text, flags=re.DOTALL)
+
+
+def code_spans(text):
+    return re.findall(r"`([^`\n]+)`", without_fences(text))
+
+
+# Examples. Those of docs/errata.md have a test of their own.
+EXAMPLES = [
+    pytest.param(code, id=f"{name}-{number}")
+    for name in ("README.md", "docs/physics.md", "models/README.md")
+    for number, code in enumerate(re.findall(r"```python\n(.*?)```", page(name), re.DOTALL), start=1)
+]
+
+
+@pytest.mark.parametrize("code", EXAMPLES)
+def test_an_example_runs_alone_and_prints_what_it_says(code, tmp_path):
+    (tmp_path / "models").symlink_to(ROOT / "models")  # as in a checkout; what it writes stays here
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)
+
+
+def test_all_examples_are_found():
+    assert len(EXAMPLES) == sum(page.read_text().count("```python") for page in PAGES) - 2  # errata's two
+
+
+# Links
+LINKS = [
+    pytest.param(path, target, id=f"{path.relative_to(ROOT)}:{target}")
+    for path in PAGES
+    for target in re.findall(r"\]\(([^)\s]+)\)", without_fences(path.read_text(encoding="utf-8")))
+    if not re.match(r"[a-z]+:|#", target)
+]
+
+
+@pytest.mark.parametrize(("path", "target"), LINKS)
+def test_a_relative_link_leads_to_a_file(path, target):
+    assert (path.parent / target.partition("#")[0]).is_file()
+
+
+def test_links_are_found_and_reach_every_page():
+    reached = {(path.parent / target).resolve() for path, target in (link.values for link in LINKS)}
+    assert reached >= {path for path in PAGES if path.name != "README.md" or path.parent.name == "models"}
+
+
+# The paper map
+def resolve(name):
+    """The object that a dotted name relative to swimmer_mj names."""
+    first, *rest = parts = name.split(".")
+    for count in range(len(parts), 0, -1):
+        module = "swimmer_mj." + ".".join(parts[:count])
+        if importlib.util.find_spec("swimmer_mj." + first) and _is_module(module):
+            found = importlib.import_module(module)
+            for part in parts[count:]:
+                found = getattr(found, part)
+            return found
+    raise ModuleNotFoundError(f"{name}: there is no swimmer_mj.{first}, {rest}")
+
+
+def _is_module(name):
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+MAP = code_spans(page("docs/paper-map.md"))
+NAMES = sorted({span for span in MAP if re.fullmatch(r"[a-z_]+(\.\w+)+", span)})
+TESTS = sorted({span for span in MAP if span.startswith("tests/")})
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_name_of_the_paper_map_exists(name):
+    assert resolve(name) is not None
+
+
+@pytest.mark.parametrize("name", ["analytic.friction_force", "nothing.at_all", "state.FullState.mass"])
+def test_a_wrong_name_would_be_noticed(name):
+    with pytest.raises((AttributeError, ModuleNotFoundError)):
+        resolve(name)
+
+
+@pytest.mark.parametrize("node", TESTS)
+def test_a_test_of_the_paper_map_exists(node):
+    path, _, function = node.partition("::")
+    assert (ROOT / path).is_file()
+    assert re.search(rf"^def {function or 'test_.*'}\(", page(path), re.MULTILINE)
+
+
+def test_the_paper_map_has_a_function_and_a_test_in_each_row():
+    rows = [line for line in page("docs/paper-map.md").splitlines() if re.match(r"\| (?!paper|-)", line)]
+    assert len(rows) > 40
+    assert {*MAP} - {*NAMES, *TESTS} == {"swimmer_mj", "pytest"}
+    for row in rows:
+        assert {*code_spans(row)} & {*NAMES}, row
+
+
+# Commands
+COMMANDS = sorted(
+    {
+        command
+        for text in (path.read_text(encoding="utf-8") for path in PAGES)
+        for command in re.findall(r"(?:^|`)swimmer-mj ([a-z][^`#\n]*)", text, re.MULTILINE)
+    }
+)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_and_its_options_exist(command, capsys):
+    name, *rest = command.split()
+    assert main([name, "--help"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith(f"usage: swimmer-mj {name} ")
+    for option in (word for word in rest if word.startswith("--")):
+        assert re.search(rf"{option}\b", shown), option
+
+
+def test_readme_names_every_command(capsys):
+    assert main(["--help"]) == 0
+    (names,) = re.findall(r"\{([a-z,]+)\}", capsys.readouterr().out)
+    assert {*re.findall(r"^\| `swimmer-mj ([a-z]+)", README, re.MULTILINE)} == {*names.split(",")}
+
+
+@pytest.mark.parametrize("command", ["swim", "train --sed 1", "evaluate --out RUN"])
+def test_a_wrong_command_would_be_noticed(command, capsys):
+    with pytest.raises(AssertionError):
+        test_a_command_and_its_options_exist(command, capsys)
+
+
+def test_make_targets_exist():
+    targets = {
+        name for path in PAGES for name in re.findall(r"(?:^|`)make ([a-z]+)", path.read_text(), re.MULTILINE)
+    }
+    assert {"demo", "test"} <= targets <= {*re.findall(r"^([a-z]+):", page("Makefile"), re.MULTILINE)}
+
+
+# Facts stated twice
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_placeholder_is_left(path):
+    assert "<<" not in path.read_text(encoding="utf-8")
+
+
+def test_every_column_of_the_log_is_defined():
+    section = page("docs/metrics.md").split("## metrics.csv")[1].split("\n## ")[0]
+    assert tuple(re.findall(r"^\| `(\w+)`", section, re.MULTILINE)) == Metrics._fields
+
+
+def test_every_dependency_has_its_reason():
+    (block,) = re.findall(r"^dependencies = \[\n(.*?)^\]", page("pyproject.toml"), re.DOTALL | re.MULTILINE)
+    required = re.findall(r'^    "([\w-]+)', block, re.MULTILINE)
+    assert {*re.findall(r"^\| ([a-z-]+) \|", page("docs/dependencies.md"), re.MULTILINE)[1:]} == {*required}
+
+
+def test_versions_agree():
+    (version,) = re.findall(r'^version = "(.*)"', page("pyproject.toml"), re.MULTILINE)
+    assert f"\nversion: {version}\n" in page("CITATION.cff")
+    assert f"\n## [{version}]" in page("CHANGELOG.md")
