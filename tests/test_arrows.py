@@ -40,7 +40,9 @@ def layer_of(module):
 def test_imports_point_one_way(path):
     own = LAYERS.index(path.relative_to(ROOT).parts[0])
     for module, at_import in imports(path):
-        assert module.split(".")[0] not in ("models", "learning", "render"), f"{module}: write swimmer_mj.{module}"
+        assert module.split(".")[0] not in ("models", "learning", "render"), (
+            f"{module}: write swimmer_mj.{module}"
+        )
         layer = layer_of(module)
         if layer is not None and LAYERS.index(layer) > own:
             assert path in LOOKS_UP, f"{path} imports {module}, which stands to its right"

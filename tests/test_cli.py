@@ -82,7 +82,7 @@ def test_a_taken_directory_gets_a_number(tmp_path):
 
 
 def test_validate(capsys):
-    status, out, err = run(capsys, "validate", "--json")
+    status, out, _ = run(capsys, "validate", "--json")
     report = json.loads(out)
     assert status == 0
     assert report["passed"] is True
@@ -153,14 +153,29 @@ def test_evaluate(capsys, trained):
 
 def test_evaluate_refuses_what_does_not_swim(tmp_path, capsys):
     out = tmp_path / "run"
-    run(capsys, "train", "--out", out, "--problem", "pendulum", "--neurons", "8", "--trials", "5", "--evaluate-every", "5")
+    run(
+        capsys,
+        "train",
+        "--out",
+        out,
+        "--problem",
+        "pendulum",
+        "--neurons",
+        "8",
+        "--trials",
+        "5",
+        "--evaluate-every",
+        "5",
+    )
     status, _, err = run(capsys, "evaluate", out)
     assert status == 2
     assert "swimming speed is defined for swimmers only" in err
 
 
 def test_render(tmp_path, capsys, trained):
-    status, out, _ = run(capsys, "render", trained, "--out", tmp_path, "--duration", "1", "--fps", "10", "--json")
+    status, out, _ = run(
+        capsys, "render", trained, "--out", tmp_path, "--duration", "1", "--fps", "10", "--json"
+    )
     assert status == 0
     paths = json.loads(out)
     assert {p.name for p in tmp_path.iterdir()} == {
@@ -173,6 +188,8 @@ def test_render(tmp_path, capsys, trained):
 
 
 def test_module_is_the_command():
-    done = subprocess.run([sys.executable, "-m", "swimmer_mj", "info", "--json"], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "swimmer_mj", "info", "--json"], capture_output=True, text=True
+    )
     assert done.returncode == 0
     assert json.loads(done.stdout)["version"]

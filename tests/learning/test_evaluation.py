@@ -66,7 +66,9 @@ def test_recorded_episode_is_the_evaluated_one(policy):
     agent = SwimmingPolicy(policy)
     trajectory = record_episode(policy, THREE, evaluation_states(3)[0])
     assert trajectory.duration == pytest.approx(20.0)
-    assert trajectory.speed(after=10.0) == pytest.approx(evaluate_swimming(agent, THREE, n_episodes=1).mean, rel=1e-9)
+    assert trajectory.speed(after=10.0) == pytest.approx(
+        evaluate_swimming(agent, THREE, n_episodes=1).mean, rel=1e-9
+    )
     z = st.reduce(THREE, trajectory.states[7])
     judged = policy.judge(z)
     assert trajectory.values[7] == pytest.approx(judged.value, rel=1e-9)

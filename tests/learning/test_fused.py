@@ -198,7 +198,7 @@ def test_refuses():
         FusedTD(problem, Multilayer(3))
     with pytest.raises(ValueError, match="pendulum has 3 inputs, the network 4"):
         FusedTD(problem, Cascade(4, 10))
-    with pytest.raises(TypeError, match="must be float32 or float64, got torch.float16"):
+    with pytest.raises(TypeError, match=r"must be float32 or float64, got torch\.float16"):
         FusedTD(problem, Cascade(3, 10, dtype=torch.float16))
     with pytest.raises(ValueError, match="skip must be in"):
         FusedTD(problem, Cascade(3, 10)).rollout(np.zeros((1, 2)), 1.0, skip=1.0)

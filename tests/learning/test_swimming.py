@@ -11,7 +11,6 @@ from swimmer_mj.analytic import AnalyticSwimmer
 from swimmer_mj.dynamics import MujocoSwimmer
 from swimmer_mj.learning.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.fused import FusedTD
-from swimmer_mj.learning.networks import Cascade
 from swimmer_mj.learning.swimming import Swimming
 from swimmer_mj.learning.trainer import TrainConfig, learn_in_environment
 from swimmer_mj.parameters import PAPER, SwimmerParameters
@@ -44,7 +43,9 @@ def test_a_single_link_has_reduced_dynamics_too():
     z, a = np.array([0.3, 1.2, 0.7, -0.4]), np.zeros(4)
     compile_reduced_dynamics(1)(reduced_constants(parameters), z, a, np.zeros((4, 0)))
     x = st.expand(parameters, z)
-    assert a == pytest.approx(st.reduce_derivative(parameters, x, AnalyticSwimmer(parameters).drift(x)), rel=1e-13)
+    assert a == pytest.approx(
+        st.reduce_derivative(parameters, x, AnalyticSwimmer(parameters).drift(x)), rel=1e-13
+    )
 
 
 def test_inputs_and_their_pullback_agree_with_autograd():
@@ -107,7 +108,11 @@ def test_learning_through_dm_control_is_learning_on_the_equations(engine):
     all of three trials, values and weights agree to float64 accuracy.
     """
     config = TrainConfig(
-        physics="mujoco", engine=engine, dtype="float64", neurons=20, td=TDSettings(eta=0.04, trial_duration=0.5)
+        physics="mujoco",
+        engine=engine,
+        dtype="float64",
+        neurons=20,
+        td=TDSettings(eta=0.04, trial_duration=0.5),
     )
     through_mujoco = config.make_problem()
     on_equations = Swimming(PAPER, integrator="rk4")

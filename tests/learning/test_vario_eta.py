@@ -30,7 +30,9 @@ def test_works_on_arrays_and_tensors():
     v, change = np.array([1.0, 2.0]), np.array([0.1, -0.2])
     expected = variance(v, change, 0.1, 0.5)
     assert expected == pytest.approx([1.0, 3.0])
-    assert variance(torch.tensor(v), torch.tensor(change), torch.tensor(0.1), 0.5).numpy() == pytest.approx(expected)
+    assert variance(torch.tensor(v), torch.tensor(change), torch.tensor(0.1), 0.5).numpy() == pytest.approx(
+        expected
+    )
     assert learning_rate(torch.tensor(v), 0.1, 0.0).numpy() == pytest.approx(0.1 / np.sqrt(v))
 
 

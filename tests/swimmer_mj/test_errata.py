@@ -1,4 +1,4 @@
-"""Each slip of the paper's appendix is shown by a snippet in docs/errata.md; here the snippets run and are held to it."""
+"""Each slip of the paper's appendix is shown by a snippet in docs/errata.md; here they run and are held to it."""
 
 import re
 from pathlib import Path
