@@ -47,7 +47,7 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
 
 DEMO_SPEED = 0.8
 """The demo trains until a learner swims this fast, m/s: well above the 0.54 of the best open-loop wave."""
-DEMO_SECONDS = 225.0
+DEMO_SECONDS = 210.0
 """Or for this long, s."""
 
 Backend = Literal["osmesa", "egl", "glfw", "cgl"]

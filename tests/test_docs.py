@@ -31,7 +31,7 @@ def code_spans(text):
 # Examples. Those of docs/errata.md have a test of their own.
 EXAMPLES = [
     pytest.param(code, id=f"{name}-{number}")
-    for name in ("README.md", "docs/physics.md", "models/README.md")
+    for name in ("README.md", "docs/gymnasium.md", "docs/physics.md", "models/README.md")
     for number, code in enumerate(re.findall(r"```python\n(.*?)```", page(name), re.DOTALL), start=1)
 ]
 
