@@ -9,7 +9,7 @@ writes benchmarks/results/peers-sb3.csv, a row an evaluation. What makes it fair
   policy;
 - evaluation takes no time: the clock runs while they learn; MuJoCo does the stepping, as it would for their user, and
   torch has one thread, as each learner of this project has one core;
-- settings better than the defaults where better ones are known. Stable-Baselines3's defaults, and what its Zoo states for
+- settings better than the defaults where better ones are known. Stable-Baselines3's defaults, and what its Zoo has for
   Gymnasium's Swimmer (the defaults, with normalised observations for PPO and a discount of 0.9999), suit another
   swimmer, whose episodes are ten times as long. Here: actions held for 0.05 s, discount exp(-0.3 * 0.05) (s_gamma 0.3),
   PPO with 32 environments, networks of 2 x 128 and a batch of 1,024, SAC with 8 environments, learning rate 1e-3 and a
