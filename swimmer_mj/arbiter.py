@@ -216,7 +216,7 @@ class LagrangianSwimmer:
         n = self.parameters.n_links
         M, b, _ = self._system(x)
         T = np.broadcast_to(self._torque_map(), (*b.shape, n - 1))
-        q = np.linalg.solve(M, np.concatenate([b[..., None], T], axis=-1))
+        q = np.asarray(np.linalg.solve(M, np.concatenate([b[..., None], T], axis=-1)), dtype=np.float64)
         drift = np.concatenate([x[..., n + 2 :], q[..., 0]], axis=-1)
         return drift, np.concatenate([np.zeros_like(q[..., 1:]), q[..., 1:]], axis=-2)
 

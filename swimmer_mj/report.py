@@ -30,7 +30,7 @@ th, td { text-align: left; vertical-align: top; padding: .3rem .7rem .3rem 0; bo
 th { color: #55646f; font-weight: 600; }
 td.number { font-variant-numeric: tabular-nums; white-space: nowrap; }
 td.reason { color: #55646f; }
-.ok { color: #14694a; font-weight: 600; } .failed { color: #b3261e; font-weight: 600; }
+span.ok { color: #14694a; font-weight: 600; } span.failed { color: #b3261e; font-weight: 600; }
 tr.failed td { background: #fdecea; }
 img { max-width: 100%; height: auto; margin-top: 1rem; }
 footer { margin: 3rem 0 1rem; color: #55646f; font-size: .85rem; }
@@ -52,14 +52,18 @@ def _plot(section: Section) -> str:
                 curve.x,
                 curve.y,
                 label=curve.label,
-                linestyle="--" if curve.label == "tolerance" else "-",
-                marker="" if many else _MARKERS[i % len(_MARKERS)],
+                linestyle="--" if curve.guide else "-",
+                color="0.5" if curve.guide else None,
+                marker="" if many or curve.guide else _MARKERS[i % len(_MARKERS)],
                 markersize=9 - 2 * (i % 4),
                 markerfacecolor="none",
                 linewidth=1.2,
             )
         if section.loglog:
             axes.set_xscale("log")
+            axes.set_xticks(ticks := sorted({x for curve in section.curves for x in curve.x}))
+            axes.set_xticklabels([f"{tick:g}" for tick in ticks])
+            axes.minorticks_off()
         if not signed:
             axes.set_yscale("log")
         axes.set_xlabel(section.axes[0])

@@ -95,6 +95,8 @@ class Curve:
     label: str
     x: list[float]
     y: list[float]
+    guide: bool = False
+    """Whether it is there to compare the others with."""
 
 
 @dataclass(frozen=True)
@@ -297,7 +299,7 @@ def accelerations(
     ]
     links = list(links)
     curves = {pair: Curve(" and ".join(pair), [], []) for pair in pairs}
-    bound = Curve("tolerance", [], [])
+    bound = Curve("tolerance", [], [], guide=True)
     for n in links:
         largest, largest_tolerance = dict.fromkeys(pairs, 0.0), 0.0
         for _ in range(n_swimmers):
@@ -395,6 +397,9 @@ def trajectories(rng: np.random.Generator, parameters: SwimmerParameters = PAPER
                         "twice what the fourth order leaves of the error at 0.02 s, and the reference's own",
                     )
                 )
+    for order, start in ((1, curves[0].y[0]), (4, curves[-1].y[0])):
+        slope = [1.5 * start * (dt / _STEP_SIZES[0]) ** order for dt in _STEP_SIZES]
+        curves.append(Curve(f"slope {order}", list(_STEP_SIZES), slope, guide=True))
     return Section(
         "Trajectories of 5 s and the orders of the integrators",
         checks,
@@ -687,7 +692,7 @@ def closed_forms(names: Sequence[str] = (*STATEMENTS, ARBITER), duration: float 
         angular = st.split(_rod_states(name, start, duration), 1).angular_velocities[:, 0]
         spin.add(np.abs(angular / decay - 1).max(), tolerance, name)
     checks = [sideways.check(), glide.check(), spin.check()]
-    curves.append(Curve("exp(-k l t / m)", times.tolist(), decay.tolist()))
+    curves.append(Curve("exp(-k l t / m)", times.tolist(), decay.tolist(), guide=True))
     return Section("Closed forms: one rod", checks, ("time, s", "velocity sideways, m/s"), curves)
 
 
