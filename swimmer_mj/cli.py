@@ -334,12 +334,12 @@ def validate(seed: int = 0, html: Path | None = None, json: bool = False) -> Non
                 "passed": passed,
                 "seconds": seconds,
                 "checks": [
-                    {"section": section.title, **dataclasses.asdict(check), "passed": check.passed}
+                    {"section": section.title, **check.to_json()}
                     for section in sections
                     for check in section.checks
                 ],
                 "curves": [
-                    {"section": section.title, **dataclasses.asdict(curve)}
+                    {"section": section.title, **curve.to_json()}
                     for section in sections
                     for curve in section.curves
                 ],

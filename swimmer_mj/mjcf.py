@@ -88,8 +88,9 @@ _HEADERS: dict[Friction, str] = {
 
 
 def _numbers(*values: float) -> str:
-    """``values`` as an MJCF attribute that reads back exactly."""
-    return " ".join(repr(float(v)).removesuffix(".0") for v in values)
+    """``values`` as an MJCF attribute that reads back exactly; denormal ones, which MuJoCo refuses, are 0."""
+    normal = (float(v) if abs(v) >= np.finfo(np.float64).tiny else 0.0 for v in values)
+    return " ".join(repr(v).removesuffix(".0") for v in normal)
 
 
 def _child(parent: ET.Element, tag: str) -> ET.Element:

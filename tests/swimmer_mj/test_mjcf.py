@@ -163,3 +163,10 @@ def test_other_models_have_no_parameters():
     for read in (read_parameters, read_friction):
         with pytest.raises(ValueError, match="not one swimmer's model"):
             read(mujoco.MjModel.from_xml_string("<mujoco/>"))
+
+
+def test_denormal_numbers_which_mujoco_cannot_read_are_zero():
+    for friction in ("callback", "actuators"):
+        model = compiled(SwimmerParameters(2, viscous_friction=2.3e-308), friction=friction)
+        assert read_parameters(model).viscous_friction == 2.3e-308
+        assert read_parameters(compiled(SwimmerParameters(2, viscous_friction=1e-310))).viscous_friction == 0

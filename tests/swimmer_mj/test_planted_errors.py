@@ -3,7 +3,7 @@
 ``benchmarks/planted_errors.py`` runs the whole report on them; here, its first section on small swimmers.
 """
 
-import importlib.util
+import runpy
 import types
 from pathlib import Path
 
@@ -14,11 +14,7 @@ from swimmer_mj import analytic, dynamics, mjcf, validation, viscous
 from swimmer_mj.validation import ARBITER, STATEMENTS, accelerations
 
 _FILE = Path(__file__).parents[2] / "benchmarks" / "planted_errors.py"
-_SPEC = importlib.util.spec_from_file_location("planted_errors", _FILE)
-assert _SPEC is not None
-assert _SPEC.loader is not None
-planted_errors = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(planted_errors)
+PLANTED_ERRORS = runpy.run_path(str(_FILE))["PLANTED_ERRORS"]
 
 # Where the comparison looks the statements up
 _USES = {
@@ -40,13 +36,13 @@ def spoilt(module, error):
 
 
 def test_a_sign_a_factor_and_an_index_are_planted_in_each_statement():
-    planted = {(error.statement, error.kind) for error in planted_errors.PLANTED_ERRORS}
+    planted = {(error.statement, error.kind) for error in PLANTED_ERRORS}
     assert planted == {(s, kind) for s in STATEMENTS for kind in ("sign", "factor 2", "index")}
 
 
-@pytest.mark.parametrize("number", range(len(planted_errors.PLANTED_ERRORS)))
+@pytest.mark.parametrize("number", range(len(PLANTED_ERRORS)))
 def test_a_planted_error_sets_its_statement_apart_from_all_others(number, monkeypatch):
-    error = planted_errors.PLANTED_ERRORS[number]
+    error = PLANTED_ERRORS[number]
     module, user, name = _USES[error.file]
     monkeypatch.setattr(user, name, getattr(spoilt(module, error), name))
     checks = accelerations(np.random.default_rng(0), links=(1, 2, 3), n_swimmers=1, n_states=3).checks
