@@ -268,11 +268,13 @@ def _reference(swimmer: Any, x: Array, controls: Iterable[Array], duration: floa
                 raise FloatingPointError
             return swimmer.derivative(y, u)
 
+        lost = np.full_like(x, np.nan)
         try:
-            solution = solve_ivp(f, (0, duration), x, method="DOP853", rtol=1e-12, atol=1e-13)
-            x = solution.y[:, -1] if solution.success else np.full_like(x, np.nan)
+            if np.isfinite(x).all():
+                solution = solve_ivp(f, (0, duration), x, method="DOP853", rtol=1e-12, atol=1e-13)
+                x = solution.y[:, -1] if solution.success else lost
         except FloatingPointError:
-            x = np.full_like(x, np.nan)
+            x = lost
         states.append(x)
     return np.array(states)
 
