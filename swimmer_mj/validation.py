@@ -90,12 +90,13 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether the error is finite and within tolerance."""
-        return bool(self.error <= self.tolerance)
+        """Whether the error is within tolerance, and both are finite."""
+        return bool(self.error <= self.tolerance < math.inf) and math.isfinite(self.error)
 
     def to_json(self) -> dict[str, Any]:
-        """All of it; an error that is no finite number is None."""
-        return {**asdict(self), "error": _or_none(self.error), "passed": self.passed}
+        """All of it; an error or tolerance that is no finite number is None."""
+        numbers = {"error": _or_none(self.error), "tolerance": _or_none(self.tolerance)}
+        return {**asdict(self), **numbers, "passed": self.passed}
 
 
 @dataclass(frozen=True)

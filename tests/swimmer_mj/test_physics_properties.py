@@ -11,11 +11,12 @@ from swimmer_mj.arbiter import LagrangianSwimmer
 from swimmer_mj.parameters import SwimmerParameters
 from swimmer_mj.validation import disagreement, measure_motion, statements, symmetry_errors
 
-within = settings(deadline=None, max_examples=40)
+within = settings(deadline=None, max_examples=25)
 
 
 def numbers(low, high):
-    return some.floats(low, high, allow_subnormal=False)
+    """Numbers of six decimals: what underflows is not physics."""
+    return some.floats(low, high).map(lambda value: round(value, 6))
 
 
 FRICTION = numbers(0, 50)

@@ -40,8 +40,8 @@ SECTIONS = {
 
 @pytest.fixture
 def quickly(monkeypatch):
-    """Trajectories of 1 s and step sizes that take no second."""
-    monkeypatch.setattr(validation, "_DURATION", 1.0)
+    """Trajectories of half a second instead of five."""
+    monkeypatch.setattr(validation, "_DURATION", 0.5)
 
 
 @pytest.mark.parametrize("name", SECTIONS)
@@ -82,7 +82,8 @@ def test_without_the_callback_what_it_states_fails_and_nothing_else(monkeypatch)
 
 
 def test_an_error_that_is_no_number_fails_and_is_the_worst():
-    assert not Check("", math.nan, 1.0, "").passed
+    for error, tolerance in ((math.nan, 1.0), (1.0, math.nan), (1.0, math.inf), (-math.inf, 1.0)):
+        assert not Check("", error, tolerance, "").passed
     assert Check("", 1.0, 1.0, "").passed
     worst = validation._Worst("", "")
     for error, tolerance, where in ((5.0, 10.0, "large"), (1.0, 0.5, "fails"), (math.nan, 1.0, "no number")):
