@@ -310,22 +310,48 @@ def render(
 
 
 @_command
-def validate(seed: int = 0, json: bool = False) -> None:
-    """Hold the statements of the physics against each other and against closed forms.
+def validate(seed: int = 0, html: Path | None = None, json: bool = False) -> None:
+    """Hold the statements of the physics against each other, an arbiter, invariants, closed forms and limits.
 
     Args:
-        seed: Of the random swimmers and states.
+        seed: Of the random swimmers, states and torques.
+        html: Also write the report, with plots, as one page to this file.
         json: Print one JSON object.
     """
-    from swimmer_mj.validation import physics_report
+    from swimmer_mj.report import write_page
+    from swimmer_mj.validation import full_report
 
+    if html is not None and not html.parent.is_dir():
+        raise ValueError(f"--html must be a file in an existing directory, got {html}")
+    started = time.perf_counter()
     console = _console(json)
-    checks = physics_report(seed)
-    _print_checks(console, checks)
-    passed = all(check.passed for check in checks)
+    sections = []
+    for section in full_report(seed):
+        console.print(f"[bold]{section.title}[/bold]")
+        _print_checks(console, section.checks)
+        sections.append(section)
+    seconds = time.perf_counter() - started
+    passed = all(section.passed for section in sections)
+    if html is not None:
+        write_page(html, sections, seed, seconds)
+        console.print(f"  {html}")
     if json:
-        rows = [{**dataclasses.asdict(check), "passed": check.passed} for check in checks]
-        _print_json({"passed": passed, "checks": rows})
+        _print_json(
+            {
+                "passed": passed,
+                "seconds": seconds,
+                "checks": [
+                    {"section": section.title, **check.to_json()}
+                    for section in sections
+                    for check in section.checks
+                ],
+                "curves": [
+                    {"section": section.title, **curve.to_json()}
+                    for section in sections
+                    for curve in section.curves
+                ],
+            }
+        )
     if not passed:
         raise CheckFailedError
 

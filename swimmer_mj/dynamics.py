@@ -8,6 +8,7 @@ no line of physics: what one of them gets wrong, the other shows.
 # (MuJoCo's bindings carry no types.)
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from typing import NamedTuple, Protocol
 
 import mujoco
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swimmer_mj import state as st
 from swimmer_mj.integrators import euler_step, rk4_step
-from swimmer_mj.mjcf import mjcf
+from swimmer_mj.mjcf import Friction, mjcf
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 from swimmer_mj.viscous import viscous_friction
 
@@ -92,7 +93,7 @@ def from_qpos_qvel(qpos: ArrayLike, qvel: ArrayLike) -> Array:
 
 
 class MujocoSwimmer:
-    """dx/dt = f(x, u) by MuJoCo, with the friction as its passive force.
+    """dx/dt = f(x, u) by MuJoCo.
 
     States and torques are those of :class:`~swimmer_mj.analytic.AnalyticSwimmer`; torques are in N·m and are
     not clamped. Batches are worked off one by one. An instance has one ``MjData``: share it between
@@ -102,32 +103,38 @@ class MujocoSwimmer:
     ----------
     parameters : SwimmerParameters
         The swimmer; the paper's 5 links by default.
+    friction : {"callback", "actuators"}
+        Whether the viscous friction is a passive force or exerted by actuators (:mod:`swimmer_mj.mjcf`).
     """
 
-    def __init__(self, parameters: SwimmerParameters = PAPER) -> None:
+    def __init__(self, parameters: SwimmerParameters = PAPER, friction: Friction = "callback") -> None:
         self.parameters = parameters
-        self._model = mujoco.MjModel.from_xml_string(mjcf(parameters))
+        self.friction: Friction = friction
+        self._model = mujoco.MjModel.from_xml_string(mjcf(parameters, friction=friction))
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
         self._data = mujoco.MjData(self._model)
         # d(generalised force)/du, which for motors on hinges does not depend on the state
         n_joints = parameters.n_links - 1
-        self._moment = np.zeros((n_joints, self._model.nv))
+        moment = np.zeros((self._model.nu, self._model.nv))
         if n_joints:
             mujoco.mj_forward(self._model, self._data)
             mujoco.mju_sparse2dense(
-                self._moment,
+                moment,
                 self._data.actuator_moment,
                 self._data.moment_rownnz,
                 self._data.moment_rowadr,
                 self._data.moment_colind,
             )
-            self._moment /= parameters.torque_limits[:, None]
+        self._moment = moment[:n_joints] / parameters.torque_limits[:, None]
+
+    def _friction_in_force(self) -> AbstractContextManager[None]:
+        return viscous_friction() if self.friction == "callback" else nullcontext()
 
     def _acceleration(self, x: Array, u: Array) -> Array:
         """The second derivatives of A0 and theta at one state, shape (n + 2,)."""
         data = self._data
         data.qpos[:], data.qvel[:] = to_qpos_qvel(x, self.parameters.n_links)
-        data.ctrl[:] = u / self.parameters.torque_limits
+        data.ctrl[: u.size] = u / self.parameters.torque_limits
         mujoco.mj_forward(self._model, data)
         return np.concatenate([data.qacc[:2], np.cumsum(data.qacc[2:])])
 
@@ -156,7 +163,7 @@ class MujocoSwimmer:
         batch = np.broadcast_shapes(x.shape[:-1], u.shape[:-1])
         x, u = np.broadcast_to(x, (*batch, x.shape[-1])), np.broadcast_to(u, (*batch, n - 1))
         q = np.empty((*batch, n + 2))
-        with viscous_friction():
+        with self._friction_in_force():
             for index in np.ndindex(batch):
                 q[index] = self._acceleration(x[index], u[index])
         state = st.split(x, n)
@@ -180,7 +187,7 @@ class MujocoSwimmer:
         B = np.zeros((*batch, 2 * n + 4, n - 1))
         u = np.zeros(n - 1)
         solved = np.empty_like(self._moment)
-        with viscous_friction():
+        with self._friction_in_force():
             for index in np.ndindex(batch):
                 q[index] = self._acceleration(x[index], u)
                 mujoco.mj_solveM(self._model, self._data, solved, self._moment)

@@ -23,13 +23,14 @@ from dm_control import suite as dm_suite
 from dm_control.rl import control
 from dm_control.suite import base
 from dm_control.utils import containers
+from dm_env import specs
 from numpy.typing import ArrayLike, NDArray
 
 from swimmer_mj import state as st
 from swimmer_mj import viscous
 from swimmer_mj.dynamics import from_qpos_qvel, to_qpos_qvel
 from swimmer_mj.initial_states import random_initial_state
-from swimmer_mj.mjcf import mjcf, read_parameters
+from swimmer_mj.mjcf import Friction, mjcf, read_friction, read_parameters
 from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = ["DOMAIN", "SUITE", "Physics", "Swim", "load", "register", "unregister"]
@@ -50,7 +51,8 @@ class Physics(mujoco.Physics):
     """MuJoCo's simulation of a swimmer, with the viscous friction in force as long as it lives.
 
     The friction is in force from construction (by any of dm_control's constructors, a copy or an
-    unpickling) until :meth:`free` or garbage collection, and so in every reset, forward and step. What the
+    unpickling) until :meth:`free` or garbage collection, and so in every reset, forward and step. With
+    friction by actuators there is nothing to hold, and MuJoCo's callback is left alone. What the
     accessors return follows from ``qpos`` and ``qvel`` alone: it is current also between a change of state
     and the next ``forward``.
     """
@@ -59,14 +61,28 @@ class Physics(mujoco.Physics):
         self.parameters = read_parameters(data.model.ptr)
         self._levers = st.center_of_mass_levers(self.parameters)
         self._mark_distance = self.parameters.lengths.sum() / 2 + 0.7
-        if not hasattr(self, "_friction"):
+        held = getattr(self, "_friction", None)
+        if read_friction(data.model.ptr) == "actuators":
+            if held is not None:
+                held()
+            self._friction = None
+        elif held is None:
             self._friction = viscous.hold(self)
         super()._reload_from_data(data)
 
     def free(self) -> None:
         """Free the simulation and rendering contexts, and release the friction."""
         super().free()
-        self._friction()
+        if self._friction is not None:
+            self._friction()
+
+    def set_control(self, control: ArrayLike) -> None:
+        """Set the motors to ``control``, shape (n - 1,), torques in units of their limits."""
+        np.copyto(self.data.ctrl[: self.parameters.n_links - 1], control)
+
+    def control(self) -> Array:
+        """A copy of the motors' controls, shape (n - 1,)."""
+        return self.data.ctrl[: self.parameters.n_links - 1].copy()
 
     def state_vector(self) -> Array:
         """The full state x (:mod:`swimmer_mj.state`), shape (2n + 4,); angles are not wrapped."""
@@ -157,6 +173,11 @@ class Swim(base.Task):
         self._start_time = 0.0
         self._start = self._mean_velocity = np.zeros(2)
 
+    def action_spec(self, physics: Physics) -> specs.BoundedArray:
+        """Torques of the motors in units of their limits, shape (n - 1,), in [-1, 1]."""
+        bound = np.ones(physics.parameters.n_links - 1)
+        return specs.BoundedArray(bound.shape, np.float64, minimum=-bound, maximum=bound)
+
     def initialize_episode(self, physics: Physics) -> None:
         """Set the initial state and the target direction of an episode."""
         n = physics.parameters.n_links
@@ -210,12 +231,13 @@ def _make_environment(
     environment_kwargs: dict[str, Any] | None,
     params: SwimmerParameters | None,
     initial_states: InitialStates | None,
+    friction: Friction,
 ) -> control.Environment:
     if params is None:
         params = SwimmerParameters(n_links=n_links)
     elif params.n_links != n_links:
         raise ValueError(f"the task is for {n_links} links, and params has {params.n_links}")
-    physics = Physics.from_xml_string(mjcf(params))
+    physics = Physics.from_xml_string(mjcf(params, friction=friction))
     task = Swim(random_direction=random_direction, initial_states=initial_states, random=random)
     environment_kwargs = dict(environment_kwargs or {})
     if "n_sub_steps" not in environment_kwargs:
@@ -230,9 +252,12 @@ def swim3(
     environment_kwargs: dict[str, Any] | None = None,
     params: SwimmerParameters | None = None,
     initial_states: InitialStates | None = None,
+    friction: Friction = "callback",
 ) -> control.Environment:
     """Return the task in which 3 links swim along the x axis."""
-    return _make_environment(3, False, time_limit, random, environment_kwargs, params, initial_states)
+    return _make_environment(
+        3, False, time_limit, random, environment_kwargs, params, initial_states, friction
+    )
 
 
 @SUITE.add()
@@ -242,9 +267,12 @@ def swim4(
     environment_kwargs: dict[str, Any] | None = None,
     params: SwimmerParameters | None = None,
     initial_states: InitialStates | None = None,
+    friction: Friction = "callback",
 ) -> control.Environment:
     """Return the task in which 4 links swim along the x axis."""
-    return _make_environment(4, False, time_limit, random, environment_kwargs, params, initial_states)
+    return _make_environment(
+        4, False, time_limit, random, environment_kwargs, params, initial_states, friction
+    )
 
 
 @SUITE.add()
@@ -254,9 +282,12 @@ def swim5(
     environment_kwargs: dict[str, Any] | None = None,
     params: SwimmerParameters | None = None,
     initial_states: InitialStates | None = None,
+    friction: Friction = "callback",
 ) -> control.Environment:
     """Return the task in which 5 links swim along the x axis."""
-    return _make_environment(5, False, time_limit, random, environment_kwargs, params, initial_states)
+    return _make_environment(
+        5, False, time_limit, random, environment_kwargs, params, initial_states, friction
+    )
 
 
 @SUITE.add()
@@ -266,9 +297,12 @@ def steer3(
     environment_kwargs: dict[str, Any] | None = None,
     params: SwimmerParameters | None = None,
     initial_states: InitialStates | None = None,
+    friction: Friction = "callback",
 ) -> control.Environment:
     """Return the task in which 3 links swim in a direction drawn for each episode."""
-    return _make_environment(3, True, time_limit, random, environment_kwargs, params, initial_states)
+    return _make_environment(
+        3, True, time_limit, random, environment_kwargs, params, initial_states, friction
+    )
 
 
 @SUITE.add()
@@ -278,9 +312,12 @@ def steer4(
     environment_kwargs: dict[str, Any] | None = None,
     params: SwimmerParameters | None = None,
     initial_states: InitialStates | None = None,
+    friction: Friction = "callback",
 ) -> control.Environment:
     """Return the task in which 4 links swim in a direction drawn for each episode."""
-    return _make_environment(4, True, time_limit, random, environment_kwargs, params, initial_states)
+    return _make_environment(
+        4, True, time_limit, random, environment_kwargs, params, initial_states, friction
+    )
 
 
 @SUITE.add()
@@ -290,9 +327,12 @@ def steer5(
     environment_kwargs: dict[str, Any] | None = None,
     params: SwimmerParameters | None = None,
     initial_states: InitialStates | None = None,
+    friction: Friction = "callback",
 ) -> control.Environment:
     """Return the task in which 5 links swim in a direction drawn for each episode."""
-    return _make_environment(5, True, time_limit, random, environment_kwargs, params, initial_states)
+    return _make_environment(
+        5, True, time_limit, random, environment_kwargs, params, initial_states, friction
+    )
 
 
 def load(
@@ -309,7 +349,8 @@ def load(
         ``swim3``, ``swim4``, ``swim5``, ``steer3``, ``steer4`` or ``steer5``.
     task_kwargs : dict, optional
         ``random`` (a seed), ``time_limit`` (s, 5 by default), ``params`` (:class:`SwimmerParameters` with the
-        task's number of links) and ``initial_states`` (see :class:`Swim`).
+        task's number of links), ``initial_states`` (see :class:`Swim`) and ``friction`` (``"callback"`` by
+        default or ``"actuators"``, see :mod:`swimmer_mj.mjcf`).
     environment_kwargs : dict, optional
         Passed to ``dm_control.rl.control.Environment``: ``control_timestep`` (s, 0.01 by default),
         ``n_sub_steps``, ``flat_observation``, ``legacy_step``.

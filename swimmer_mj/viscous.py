@@ -29,6 +29,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import os
 import threading
 import weakref
 from collections.abc import Callable, Iterator
@@ -38,6 +39,7 @@ from typing import Any
 import mujoco
 import numba
 import numpy as np
+from llvmlite import ir
 from mujoco.introspect import ast_nodes, structs
 from numba import types
 from numba.core import cgutils
@@ -157,10 +159,28 @@ def _pointer(typing_context: Any, address: Any) -> Any:
     return types.voidptr(types.int64), codegen
 
 
+@intrinsic
+def _call(typing_context: Any, address: Any, model: Any, data: Any) -> Any:
+    """Call the C function ``void (void*, void*)`` at an integer address."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        function = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, cgutils.voidptr_t])
+        pointers = [builder.bitcast(pointer, cgutils.voidptr_t) for pointer in args[1:]]
+        builder.call(builder.inttoptr(args[0], function.as_pointer()), pointers)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, model, data), codegen
+
+
 @functools.cache
-def _compiled() -> Any:
-    """The friction as a C function of (const mjModel*, mjData*), compiled for the installed MuJoCo."""
+def _compiled() -> tuple[Any, np.ndarray[Any, np.dtype[np.int64]]]:
+    """The friction as a C function of (const mjModel*, mjData*), compiled for the installed MuJoCo.
+
+    With it comes the place, shape (1,), of the address of the C function to call before; 0 for none.
+    """
     model_record, data_record = _records()
+    before = np.zeros(1, dtype=np.int64)
+    place_of_before = before.ctypes.data
     friction_name = np.frombuffer(FRICTION_TUPLE.encode(), dtype=np.uint8)
     n_name = len(friction_name)
     site_object = int(mujoco.mjtObj.mjOBJ_SITE)
@@ -171,6 +191,9 @@ def _compiled() -> Any:
 
     @numba.cfunc(types.void(model_pointer, data_pointer), error_model="numpy")
     def friction(model: Any, data: Any) -> None:
+        called_before = numba.carray(_pointer(place_of_before), 1, np.int64)[0]
+        if called_before != 0:
+            _call(called_before, model, data)
         m = numba.carray(model, 1)[0]
         if m.ntuple == 0:
             return
@@ -248,7 +271,7 @@ def _compiled() -> Any:
                     )
                     dof = dof_parentid[dof]
 
-    return friction
+    return friction, before
 
 
 class _SharedCallback:
@@ -260,10 +283,14 @@ class _SharedCallback:
         self._holders = 0
         self._installed: Callable[..., None] | None = None
         self._previous: Callable[..., None] | None = None
+        # A process forked by another thread inside acquire() would find the lock taken for ever.
+        os.register_at_fork(
+            before=self._lock.acquire, after_in_parent=self._lock.release, after_in_child=self._lock.release
+        )
 
     def acquire(self) -> None:
         with self._lock:
-            friction = _compiled()  # before anything changes: it may raise
+            friction, before = _compiled()  # before anything changes: it may raise
             current = mujoco.get_mjcb_passive()
             if self._installed is not None and current is not self._installed:
                 raise RuntimeError(
@@ -272,9 +299,13 @@ class _SharedCallback:
                 )
             self._holders += 1
             if self._installed is None:
-                self._previous = current
-                self._installed = friction.ctypes if current is None else _after(current, friction)
-                mujoco.set_mjcb_passive(self._installed)
+                before[0], installed = 0, friction.ctypes
+                if isinstance(current, ctypes._CFuncPtr):
+                    before[0] = ctypes.cast(current, ctypes.c_void_p).value or 0
+                elif current is not None:
+                    installed = _after(current, friction)
+                mujoco.set_mjcb_passive(installed)
+                self._previous, self._installed = current, installed
 
     def release(self) -> None:
         with self._lock:
@@ -288,21 +319,12 @@ class _SharedCallback:
 
 
 def _after(callback: Callable[..., None], friction: Any) -> Callable[[Any, Any], None]:
-    """A callback that calls the one found installed and then the friction; as slow as any from Python."""
-    compiled = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
-    add_friction = compiled(friction.address)
-    if isinstance(callback, ctypes._CFuncPtr):
-        call_first = ctypes.cast(callback, compiled)  # pyright: ignore[reportArgumentType]
+    """A callback that calls one from Python and then the friction; as slow as any from Python."""
+    add_friction = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(friction.address)
 
-        def both(model: Any, data: Any) -> None:
-            call_first(model._address, data._address)
-            add_friction(model._address, data._address)
-
-    else:
-
-        def both(model: Any, data: Any) -> None:
-            callback(model, data)
-            add_friction(model._address, data._address)
+    def both(model: Any, data: Any) -> None:
+        callback(model, data)
+        add_friction(model._address, data._address)
 
     return both
 
@@ -313,8 +335,9 @@ _shared = _SharedCallback()  # one, as MuJoCo's callback is
 def acquire() -> None:
     """Put the friction in force until :func:`release`; calls may nest and come from any thread.
 
-    A passive callback found installed keeps running, before the friction; the two are then joined in Python,
-    which is slow and which ``mujoco.batch`` refuses.
+    A passive callback found installed keeps running, before the friction. If it is compiled (a ctypes
+    function), the two are joined in C. If it is Python's, they are joined in Python: as slow as it was before,
+    and as before ``mujoco.batch`` refuses it and no model compiles meanwhile.
 
     Raises
     ------

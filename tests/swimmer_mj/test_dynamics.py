@@ -11,13 +11,14 @@ from swimmer_mj.validation import random_parameters, relative_error
 TOLERANCE = 1e-11
 
 
+@pytest.mark.parametrize("friction", ["callback", "actuators"])
 @pytest.mark.parametrize("n_links", [1, 2, 3, 5, 8])
-def test_two_independent_solvers_agree_at_a_thousand_states(n_links):
+def test_two_independent_solvers_agree_at_a_thousand_states(n_links, friction):
     rng = np.random.default_rng(n_links)
     for _ in range(20):
         parameters = random_parameters(rng, n_links)
         analytic: Dynamics = AnalyticSwimmer(parameters)
-        with_mujoco: Dynamics = MujocoSwimmer(parameters)
+        with_mujoco: Dynamics = MujocoSwimmer(parameters, friction)
         x = rng.uniform(-3, 3, (50, 2 * n_links + 4))
         u = rng.uniform(-1, 1, (50, n_links - 1)) * parameters.torque_limits
         error = relative_error(with_mujoco.derivative(x, u), analytic.derivative(x, u))
@@ -27,9 +28,10 @@ def test_two_independent_solvers_agree_at_a_thousand_states(n_links):
             assert error.max() < TOLERANCE
 
 
-@pytest.fixture
-def swimmer():
-    return MujocoSwimmer(SwimmerParameters(3, mass=[1, 2, 3], length=[0.5, 1, 1.5], torque_limit=[2, 3]))
+@pytest.fixture(params=["callback", "actuators"])
+def swimmer(request):
+    parameters = SwimmerParameters(3, mass=[1, 2, 3], length=[0.5, 1, 1.5], torque_limit=[2, 3])
+    return MujocoSwimmer(parameters, request.param)
 
 
 def test_coordinates_survive_there_and_back_unwrapped():
@@ -70,6 +72,12 @@ def test_batches_broadcast_and_are_loops(swimmer):
     assert B.shape == (4, 1, 10, 2)
     np.testing.assert_array_equal(B[2, 0], swimmer.control_matrix(x[2, 0]))
     np.testing.assert_array_equal(drift, swimmer.drift(x))
+
+
+def test_friction_by_actuators_never_touches_mujocos_callback(monkeypatch):
+    monkeypatch.setattr(mujoco, "set_mjcb_passive", lambda callback: pytest.fail("it was set"))
+    swimmer = MujocoSwimmer(PAPER, "actuators")
+    assert np.abs(swimmer.drift(np.ones(14))[7:]).max() > 1
 
 
 def test_a_call_leaves_no_callback(swimmer):

@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from swimmer_mj.mjcf import PAPER_MODELS, mjcf, mjcf_file, read_parameters
+from swimmer_mj.mjcf import PAPER_MODELS, mjcf, mjcf_file, read_friction, read_parameters
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 from swimmer_mj.validation import random_parameters
 
@@ -19,8 +19,11 @@ def parameters(request):
     return random_parameters(np.random.default_rng(request.param), request.param)
 
 
-def test_parameters_survive_the_model_exactly(parameters):
-    assert read_parameters(compiled(parameters)) == parameters
+@pytest.mark.parametrize("friction", ["callback", "actuators"])
+def test_parameters_survive_the_model_exactly(parameters, friction):
+    model = compiled(parameters, friction=friction)
+    assert read_parameters(model) == parameters
+    assert read_friction(model) == friction
 
 
 def test_links_are_rods(parameters):
@@ -68,8 +71,44 @@ def test_motors_have_their_limits_as_gear(parameters):
         assert model.actuator(i).name == f"motor_{i + 1}"
 
 
-def test_everything_is_named(parameters):
-    root = ET.fromstring(mjcf(parameters))
+def test_friction_by_actuators_stands_at_the_links_middles_and_has_no_gain(parameters):
+    model = compiled(parameters, friction="actuators")
+    n, k, l = parameters.n_links, parameters.viscous_friction, parameters.lengths
+    assert model.ntuple == 0  # no declaration that the callback would act on as well
+    assert model.nu == n - 1 + 2 * n
+    for i in range(n - 1):
+        assert model.actuator(i).name == f"motor_{i + 1}"
+    for i in range(n):
+        site = model.site(f"rod_{i + 1}")
+        np.testing.assert_array_equal(site.pos, [l[i] / 2, 0, 0])
+        np.testing.assert_array_equal(site.quat, [1, 0, 0, 0])
+        for name, gear, coefficient in (
+            ("drag", [0, 1, 0, 0, 0, 0], k * l[i]),
+            ("spin", [0, 0, 0, 0, 0, 1], k * l[i] ** 3 / 12),
+        ):
+            actuator = model.actuator(f"{name}_{i + 1}")
+            assert actuator.trntype == mujoco.mjtTrn.mjTRN_SITE
+            assert actuator.trnid[0] == site.id
+            assert actuator.dyntype == mujoco.mjtDyn.mjDYN_NONE
+            np.testing.assert_array_equal(actuator.gear, gear)
+            np.testing.assert_array_equal(actuator.gainprm, 0)
+            np.testing.assert_array_equal(actuator.biasprm[:3], [0, 0, -coefficient])
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicit", "implicitfast"])
+def test_a_rod_decays_by_actuators_in_bare_mujoco(integrator):
+    """No callback anywhere: m v' = -k l v for a step that is small against m / (k l)."""
+    p = SwimmerParameters(1, mass=2.0, length=0.5, viscous_friction=10.0)
+    model = compiled(p, friction="actuators", integrator=integrator, timestep=1e-5)
+    data = mujoco.MjData(model)
+    data.qvel[:2] = 3.0, 1.0
+    mujoco.mj_step(model, data, 1000)
+    np.testing.assert_allclose(data.qvel, [3.0, np.exp(-2.5 * 0.01), 0.0], rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("friction", ["callback", "actuators"])
+def test_everything_is_named(parameters, friction):
+    root = ET.fromstring(mjcf(parameters, friction=friction))
     unnamed = [
         element.tag
         for section in ("worldbody", "asset", "actuator", "custom")
@@ -100,6 +139,7 @@ def test_integrator_and_timestep_are_set():
 @pytest.mark.parametrize(
     ("kwargs", "message"),
     [
+        ({"friction": "none"}, "friction must be callback or actuators, got 'none'"),
         ({"integrator": "rk4"}, "integrator must be Euler, RK4, implicit or implicitfast, got 'rk4'"),
         ({"timestep": 0.0}, "timestep must be positive and finite, got 0.0"),
         ({"timestep": float("nan")}, "timestep must be positive and finite, got nan"),
@@ -110,14 +150,23 @@ def test_refuses_unknown_integrators_and_bad_timesteps(kwargs, message):
         mjcf(PAPER, **kwargs)
 
 
-@pytest.mark.parametrize(("name", "n_links"), PAPER_MODELS.items())
-def test_generated_files_are_the_builders_output(name, n_links):
+@pytest.mark.parametrize("name", PAPER_MODELS)
+def test_generated_files_are_the_builders_output(name):
+    n_links, friction = PAPER_MODELS[name]
     file = importlib.resources.files("swimmer_mj.models").joinpath(name)
-    expected = mjcf_file(SwimmerParameters(n_links=n_links))
+    expected = mjcf_file(SwimmerParameters(n_links=n_links), friction)
     assert file.read_text(encoding="utf-8") == expected, "run: python -m swimmer_mj.mjcf"
     assert read_parameters(mujoco.MjModel.from_xml_string(expected)) == SwimmerParameters(n_links=n_links)
 
 
 def test_other_models_have_no_parameters():
-    with pytest.raises(ValueError, match="not one swimmer's model"):
-        read_parameters(mujoco.MjModel.from_xml_string("<mujoco/>"))
+    for read in (read_parameters, read_friction):
+        with pytest.raises(ValueError, match="not one swimmer's model"):
+            read(mujoco.MjModel.from_xml_string("<mujoco/>"))
+
+
+def test_denormal_numbers_which_mujoco_cannot_read_are_zero():
+    for friction in ("callback", "actuators"):
+        model = compiled(SwimmerParameters(2, viscous_friction=2.3e-308), friction=friction)
+        assert read_parameters(model).viscous_friction == 2.3e-308
+        assert read_parameters(compiled(SwimmerParameters(2, viscous_friction=1e-310))).viscous_friction == 0

@@ -9,6 +9,7 @@ from dm_control import suite as dm_suite
 
 from swimmer_mj import state as st
 from swimmer_mj.analytic import AnalyticSwimmer
+from swimmer_mj.mjcf import mjcf
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 from swimmer_mj.suite import DOMAIN, SUITE, load, register, unregister, wrap_angle
 
@@ -328,3 +329,35 @@ def test_colours_show_the_reward():
     np.testing.assert_allclose(
         rgba["self"], blend * rgba["self_highlight"] + (1 - blend) * rgba["self_default"], atol=1e-6
     )
+
+
+def test_both_statements_of_the_friction_give_one_task():
+    environments = [load("steer4", {"random": 3, "friction": f}) for f in ("callback", "actuators")]
+    for one, other in zip(*(env.action_spec().__reduce__()[1] for env in environments), strict=True):
+        np.testing.assert_array_equal(one, other)
+    rng = np.random.default_rng(0)
+    steps = [env.reset() for env in environments]
+    for _ in range(30):
+        action = rng.uniform(-1, 1, 3)
+        steps = [env.step(action) for env in environments]
+        np.testing.assert_array_equal(environments[1].physics.control(), action)
+        for one, other in zip(*(step.observation.values() for step in steps), strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10)
+        assert steps[0].reward == pytest.approx(steps[1].reward, abs=1e-10)
+
+
+def test_friction_by_actuators_leaves_the_callback_alone_and_survives_copies():
+    env = load("swim3", {"random": 0, "friction": "actuators"})
+    env.reset()
+    for physics in (env.physics, env.physics.copy(), pickle.loads(pickle.dumps(env.physics))):
+        physics.step()
+        assert physics.parameters == SwimmerParameters(3)
+        assert mujoco.get_mjcb_passive() is None
+    physics = env.physics
+    physics.reload_from_xml_string(mjcf(PAPER))
+    assert mujoco.get_mjcb_passive() is not None
+    physics.reload_from_xml_string(mjcf(PAPER, friction="actuators"))
+    assert mujoco.get_mjcb_passive() is None
+    physics.free()
+    with pytest.raises(ValueError, match="friction must be callback or actuators, got 'both'"):
+        load("swim3", {"friction": "both"})

@@ -1,25 +1,99 @@
 import math
 
+import numpy as np
 import pytest
 
-from swimmer_mj import viscous
-from swimmer_mj.validation import Check, physics_report
+from swimmer_mj import validation, viscous
+from swimmer_mj.validation import (
+    Check,
+    Section,
+    accelerations,
+    callback_self_test,
+    closed_forms,
+    invariants,
+    limits,
+    other_models,
+    physics_report,
+    symmetries,
+    trajectories,
+)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_physics_passes(seed):
-    report = physics_report(seed, n_states=50)
+def failures(section):
+    return [
+        (check.name, check.error, check.tolerance, check.worst)
+        for check in section.checks
+        if not check.passed
+    ]
+
+
+SECTIONS = {
+    "accelerations": lambda rng: accelerations(rng, (1, 2, 5, 10), 1, 5),
+    "trajectories": trajectories,
+    "invariants": lambda rng: invariants(rng, (1, 3), 5),
+    "symmetries": lambda rng: symmetries(rng, (1, 4, 10), 5),
+    "closed forms": lambda rng: closed_forms(duration=0.1),
+    "limits": limits,
+    "other models": lambda rng: other_models(),
+}
+
+
+@pytest.fixture
+def quickly(monkeypatch):
+    """Trajectories of half a second instead of five."""
+    monkeypatch.setattr(validation, "_DURATION", 0.5)
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_every_section_of_the_report_passes_at_other_seeds(name, quickly):
+    section = SECTIONS[name](np.random.default_rng(len(name)))
+    assert failures(section) == []
+    assert section.passed
+    assert len({check.name for check in section.checks}) == len(section.checks)
+    assert all(check.reason for check in section.checks)
+    for curve in section.curves:
+        assert len(curve.x) == len(curve.y) > 0
+
+
+def test_the_quick_report_passes_and_tells_its_checks_apart():
+    report = physics_report(1)
     assert [check.name for check in report if not check.passed] == []
-    assert len({check.name for check in report}) == len(report) >= 6
+    assert len({check.name for check in report}) == len(report) >= 15
+    assert callback_self_test().passed
 
 
-def test_without_friction_in_mujoco_the_checks_that_need_it_fail(monkeypatch):
+def test_without_the_callback_what_it_states_fails_and_nothing_else(monkeypatch):
     monkeypatch.setattr(viscous._shared, "acquire", lambda: None)
     monkeypatch.setattr(viscous._shared, "release", lambda: None)
-    failed = {check.name.split(":")[0] for check in physics_report(0, n_states=50) if not check.passed}
-    assert failed == {"accelerations", "trajectory of 0.2 s", "a rod sideways"}
+    section = accelerations(np.random.default_rng(0), (1, 3), 1, 3)
+    failed = {check.name for check in section.checks if not check.passed}
+    assert failed == {
+        "accelerations: A.3 and MuJoCo + callback",
+        "accelerations: MuJoCo + callback and MuJoCo + actuators",
+        "accelerations: MuJoCo + callback and Lagrange",
+    }
+    failed = [check for check in closed_forms(duration=0.1).checks if not check.passed]
+    assert [check.name for check in failed] == [
+        "a rod drifting sideways: exp(-k l t / m)",
+        "a rod spinning: exp(-k l t / m)",
+    ]
+    assert {check.worst for check in failed} == {"MuJoCo + callback"}
+    assert not callback_self_test().passed
 
 
-def test_an_error_that_is_no_number_fails():
-    assert not Check("", math.nan, 1.0, "").passed
+def test_an_error_that_is_no_number_fails_and_is_the_worst():
+    for error, tolerance in ((math.nan, 1.0), (1.0, math.nan), (1.0, math.inf), (-math.inf, 1.0)):
+        assert not Check("", error, tolerance, "").passed
     assert Check("", 1.0, 1.0, "").passed
+    worst = validation._Worst("", "")
+    for error, tolerance, where in ((5.0, 10.0, "large"), (1.0, 0.5, "fails"), (math.nan, 1.0, "no number")):
+        worst.add(error, tolerance, where)
+        assert worst.check().worst == where
+    worst.add(1.0, 0.0, "after")
+    assert worst.check().worst == "no number"
+
+
+def test_a_section_that_measured_nothing_is_no_success():
+    with pytest.raises(ValueError, match="nothing was measured for the check 'x'"):
+        validation._Worst("x", "").check()
+    assert not Section("", [Check("", 2.0, 1.0, "")]).passed
