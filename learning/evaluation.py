@@ -83,7 +83,7 @@ def evaluate_swimming(
     agent : callable
         From a batch of observations (a mapping of arrays with a leading axis of episodes) to as many actions.
     parameters : SwimmerParameters
-        The swimmer, of 3, 4 or 5 links.
+        The swimmer.
     n_episodes : int
         How many of the initial states to use; all 64 by definition.
     workers : int
@@ -106,13 +106,10 @@ def evaluate_swimming(
 def _episode_speeds(agent: Agent, parameters: SwimmerParameters, states: Array) -> Array:
     """Speed of each of the episodes that start at ``states``, which are stepped side by side."""
     remaining = iter(states)
-    task_kwargs = {
-        "params": parameters,
-        "time_limit": EPISODE_DURATION,
-        "initial_states": lambda _: next(remaining),
-    }
-    name = f"swim{parameters.n_links}"
-    environments = [suite.load(name, task_kwargs=task_kwargs) for _ in states]
+    environments = [
+        suite.swim(parameters, time_limit=EPISODE_DURATION, initial_states=lambda _: next(remaining))
+        for _ in states
+    ]
     steps = [environment.reset() for environment in environments]
     n_steps = round(EPISODE_DURATION / environments[0].control_timestep())
     n_settling = round(SETTLING_TIME / environments[0].control_timestep())
@@ -150,10 +147,7 @@ def record_episode(
         From time (s) to the angle to swim to (rad, from the x axis).
     """
     n = parameters.n_links
-    environment = suite.load(
-        f"swim{n}",
-        task_kwargs={"params": parameters, "time_limit": duration, "initial_states": lambda _: initial_state},
-    )
+    environment = suite.swim(parameters, time_limit=duration, initial_states=lambda _: initial_state)
     environment.reset()
     physics = environment.physics
     n_steps = round(duration / environment.control_timestep())

@@ -374,15 +374,11 @@ def train_together(
 
 def learn_in_environment(learner: Learner, config: TrainConfig, states: Array) -> list[Moment]:
     """One trial from each of ``states`` in the dm_control environment itself, learning from its observations."""
-    n = config.parameters.n_links
     remaining = iter(states)
-    environment = suite.load(
-        f"swim{n}",
-        task_kwargs={
-            "params": config.parameters,
-            "time_limit": config.td.trial_duration,
-            "initial_states": lambda _: next(remaining),
-        },
+    environment = suite.swim(
+        config.parameters,
+        time_limit=config.td.trial_duration,
+        initial_states=lambda _: next(remaining),
         environment_kwargs={"control_timestep": config.td.dt},
     )
     moments = []

@@ -310,6 +310,30 @@ def render(
 
 
 @_command
+def view(
+    task: Positional[Literal["swim3", "swim4", "swim5", "steer3", "steer4", "steer5"]],
+    run: Positional[Path | None] = None,
+    which: Literal["best", "last"] = "best",
+    seed: int = 0,
+) -> None:
+    """Watch a task in dm_control's viewer: with the policy of a run, or with random torques.
+
+    Args:
+        task: Task of the dm_control suite.
+        run: Run directory of a swimmer with as many links; random torques without one.
+        which: The weights that were fastest while training, or the last.
+        seed: Of initial states and random torques.
+    """
+    if not _has_screen():
+        instead = f"swimmer-mj render {run or 'RUN'}"
+        raise ValueError(f"view needs a screen and DISPLAY is not set; for a video without one: {instead}")
+    from swimmer_mj.render.backend import use_backend
+
+    use_backend("glfw")  # the only one with windows
+    _view(task, run, which, seed)
+
+
+@_command
 def validate(seed: int = 0, html: Path | None = None, json: bool = False) -> None:
     """Hold the statements of the physics against each other, an arbiter, invariants, closed forms and limits.
 
@@ -583,6 +607,47 @@ def _render_run(
     return paths
 
 
+def _has_screen() -> bool:
+    """Whether a window can be opened, as far as the environment tells."""
+    return sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+
+
+def _view(task: str, run: Path | None, which: Literal["best", "last"], seed: int) -> None:
+    """Open the viewer, until its window is closed; the backend is chosen before."""
+    policy, config = None, None
+    if run is not None:
+        from swimmer_mj.learning.policy import SwimmingPolicy
+        from swimmer_mj.learning.trainer import load_policy
+
+        (directory,) = _run_directories(run)[:1]
+        greedy, config, _ = load_policy(directory, which)
+        if config.problem != "swim":
+            raise ValueError(f"{directory} learned {config.problem!r}; only swimmers are shown")
+        if (n := config.parameters.n_links) != int(task[-1]):
+            raise ValueError(f"{directory} learned to move {n} links, and {task} has {task[-1]}")
+        policy = SwimmingPolicy(greedy)
+
+    import numpy as np
+    from dm_control import viewer
+
+    import swimmer_mj
+
+    task_kwargs: dict[str, Any] = {"random": seed, "time_limit": float("inf")}
+    if config is not None:
+        task_kwargs["params"] = config.parameters
+    env = swimmer_mj.load(task, task_kwargs=task_kwargs)
+    rng, shape = np.random.default_rng(seed), env.action_spec().shape
+
+    def act(time_step: Any) -> Any:
+        return rng.uniform(-1, 1, shape) if policy is None else policy(time_step.observation)
+
+    _console(False).print("Space starts and pauses, Backspace begins anew, F1 shows all keys.")
+    try:
+        viewer.launch(env, policy=act, title=f"{task}: {run or 'random torques'}")
+    finally:
+        env.physics.free()
+
+
 def _run_directories(path: Path) -> list[Path]:
     """``path`` itself if it is a run, or the runs seed-0, seed-1 .. in it."""
     from swimmer_mj.learning.trainer import CONFIG
@@ -708,7 +773,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         return _complain("interrupted") and 130
-    except (ValueError, OSError, FloatingPointError) as error:
+    except (ValueError, OSError, FloatingPointError, BackendError) as error:
         return _complain(str(error))
     return 0
 

@@ -33,7 +33,7 @@ from swimmer_mj.initial_states import random_initial_state
 from swimmer_mj.mjcf import Friction, mjcf, read_friction, read_parameters
 from swimmer_mj.parameters import SwimmerParameters
 
-__all__ = ["DOMAIN", "SUITE", "Physics", "Swim", "load", "register", "unregister"]
+__all__ = ["DOMAIN", "SUITE", "Physics", "Swim", "load", "register", "swim", "unregister"]
 
 DOMAIN = "coulom_swimmer"
 """Name of the domain in ``dm_control.suite``."""
@@ -332,6 +332,21 @@ def steer5(
     """Return the task in which 5 links swim in a direction drawn for each episode."""
     return _make_environment(
         5, True, time_limit, random, environment_kwargs, params, initial_states, friction
+    )
+
+
+def swim(
+    params: SwimmerParameters,
+    *,
+    time_limit: float = _DEFAULT_TIME_LIMIT,
+    random: int | np.random.RandomState | None = None,
+    environment_kwargs: dict[str, Any] | None = None,
+    initial_states: InitialStates | None = None,
+    friction: Friction = "callback",
+) -> control.Environment:
+    """Return the task of swimming along the x axis for a swimmer of any number of links; see :func:`load`."""
+    return _make_environment(
+        params.n_links, False, time_limit, random, environment_kwargs, params, initial_states, friction
     )
 
 

@@ -1,3 +1,4 @@
+import dataclasses
 import json
 import subprocess
 import sys
@@ -22,7 +23,7 @@ def run(capsys, *arguments):
 def trained(tmp_path_factory):
     """A run of a swimmer that has hardly learned."""
     out = tmp_path_factory.mktemp("runs") / "run"
-    assert main(["train", "--out", str(out), "--trials", "60", "--evaluate-every", "30", "--links", "3"]) == 0
+    assert main(["train", "--out", str(out), "--trials", "60", "--evaluate-every", "30", "--links", "2"]) == 0
     return out
 
 
@@ -81,22 +82,25 @@ def test_a_taken_directory_gets_a_number(tmp_path):
     assert cli._free_directory(tmp_path / "demo") == tmp_path / "demo-3"
 
 
-def test_validate(capsys):
-    status, out, _ = run(capsys, "validate", "--json")
+def test_validate(capsys, tmp_path):
+    page = tmp_path / "report.html"
+    status, out, _ = run(capsys, "validate", "--json", "--html", page)
     report = json.loads(out)
     assert status == 0
     assert report["passed"] is True
-    assert len(report["checks"]) >= 6
-    assert all(check["error"] <= check["tolerance"] for check in report["checks"])
+    assert len(report["checks"]) > 50
+    assert len({check["section"] for check in report["checks"]}) >= 6
+    assert "data:image/png;base64," in page.read_text()
 
 
 def test_a_failed_check_is_exit_status_1(monkeypatch, capsys):
-    import dataclasses
-
     from swimmer_mj import validation
 
-    wrong = [dataclasses.replace(check, error=1.0) for check in validation.physics_report()[:1]]
-    monkeypatch.setattr(validation, "physics_report", lambda *arguments: wrong)
+    section = validation.other_models()
+    wrong = dataclasses.replace(section.checks[0], error=1.0)
+    monkeypatch.setattr(
+        validation, "full_report", lambda seed: [dataclasses.replace(section, checks=(wrong,))]
+    )
     status, out, _ = run(capsys, "validate", "--json")
     assert status == 1
     assert json.loads(out)["passed"] is False
@@ -118,7 +122,7 @@ def test_info(capsys, trained):
     assert "swim5" in json.loads(out)["tasks"]
     status, out, _ = run(capsys, "info", trained, "--json")
     assert status == 0
-    assert json.loads(out)["config"]["parameters"]["n_links"] == 3
+    assert json.loads(out)["config"]["parameters"]["n_links"] == 2
 
 
 def test_train_reports_and_resumes(tmp_path, capsys):
