@@ -111,7 +111,8 @@ def page(sections: Sequence[Section], seed: int, seconds: float) -> str:
         "callback, MuJoCo with the friction as actuators. No two share a line about friction; the last two share "
         "MuJoCo's rigid bodies. The arbiter, Lagrange, shares nothing with any: it works from the positions of points, "
         "by automatic differentiation and quadrature. N = n + 2 is the number of "
-        f"equations, c the condition number of the mass matrix, eps = {np.finfo(float).eps:.1e}.</p>\n"
+        f"equations, c the condition number of the mass matrix and of the levers, eps = {np.finfo(float).eps:.1e}, and s "
+        "the size of the terms that cancel, in units of f.</p>\n"
         + "".join(_section(section) for section in sections)
         + f"<footer>swimmer-mj validate, seed {seed}, {seconds:.0f} s. {packages}, "
         f"Python {platform.python_version()}, {html.escape(platform.platform())}.</footer>\n</body></html>\n"
