@@ -110,9 +110,9 @@ def page(sections: Sequence[Section], seed: int, seconds: float) -> str:
         "<p>Three statements of one motion: the linear system of appendix A.3, MuJoCo with the friction as a passive "
         "callback, MuJoCo with the friction as actuators. No two share a line about friction; the last two share "
         "MuJoCo's rigid bodies. The arbiter, Lagrange, shares nothing with any: it works from the positions of points, "
-        "by automatic differentiation and quadrature. N = n + 2 is the number of "
-        f"equations, c the condition number of the mass matrix and of the levers, eps = {np.finfo(float).eps:.1e}, and s "
-        "the size of the terms that cancel, in units of f.</p>\n"
+        "by automatic differentiation and quadrature.</p>\n"
+        "<p>N = n + 2 is the number of equations, c the condition number of the mass matrix and of the levers, "
+        f"eps = {np.finfo(float).eps:.1e}, and s the size of the terms that cancel, in units of f.</p>\n"
         + "".join(_section(section) for section in sections)
         + f"<footer>swimmer-mj validate, seed {seed}, {seconds:.0f} s. {packages}, "
         f"Python {platform.python_version()}, {html.escape(platform.platform())}.</footer>\n</body></html>\n"
