@@ -78,8 +78,8 @@ class Jet:
 class Motion(NamedTuple):
     """What a motion amounts to, and how fast it changes along a given dx/dt.
 
-    The size of a rate is the sum of the absolute values of the terms that the rate is the sum of: what its
-    rounding error is proportional to.
+    The size of a rate is the sum of the absolute values of the terms that the rate is the sum of, with the
+    accelerations no smaller than what rounding acts on: what its rounding error is proportional to.
     """
 
     energy: Array
@@ -182,19 +182,27 @@ class LagrangianSwimmer:
         -------
         condition : ndarray, shape (...)
             The condition number of the mass matrix M, for joint angles in place of the links' angles, as MuJoCo
-            solves: the larger of the two.
+            solves: the larger of the two. Times 1 + |A0| / the shortest l_i, because levers are differences of
+            positions.
         size : ndarray, shape (...)
-            |terms of the right-hand side| / |M|, an acceleration: of what rounding would move it even where the
-            terms cancel.
+            An acceleration: the sum of what rounding acts on even where it cancels. These are the terms of the
+            right-hand side over |M|; and, from velocities as vectors, of which v . n is a difference, k l_i v / m_i
+            and v times the largest angular velocity, with v the largest velocity that a point can have.
         """
         x, u = np.asarray(x, dtype=np.float64), np.asarray(u, dtype=np.float64)
-        n = self.parameters.n_links
+        p = self.parameters
+        n = p.n_links
         M, _, terms = self._system(x)
         S = np.eye(n + 2)  # q of MuJoCo's coordinates
         S[2:, 2:] = np.tri(n)
-        size = terms + np.abs(u) @ np.abs(self._torque_map()).T
         condition = np.asarray(np.linalg.cond(S.T @ M @ S), dtype=np.float64)
-        return condition, np.asarray(np.linalg.norm(size, axis=-1) / np.linalg.norm(M, 2, axis=(-2, -1)))
+        condition *= 1 + np.linalg.norm(x[..., :2], axis=-1) / p.lengths.min()
+        right_hand_side = terms + np.abs(u) @ np.abs(self._torque_map()).T
+        size = np.linalg.norm(right_hand_side, axis=-1) / np.linalg.norm(M, 2, axis=(-2, -1))
+        spins = np.abs(x[..., n + 4 :])
+        v = np.linalg.norm(x[..., n + 2 : n + 4], axis=-1) + spins @ p.lengths
+        size += v * ((p.viscous_friction * p.lengths / p.masses).max() + spins.max(-1))
+        return condition, size
 
     def derivative(self, x: ArrayLike, u: ArrayLike) -> Array:
         """f(x, u), shape (..., 2n + 4)."""
@@ -220,39 +228,42 @@ class LagrangianSwimmer:
         drift = np.concatenate([x[..., n + 2 :], q[..., 0]], axis=-1)
         return drift, np.concatenate([np.zeros_like(q[..., 1:]), q[..., 1:]], axis=-2)
 
-    def motion(self, x: ArrayLike, dx: ArrayLike, u: ArrayLike) -> Motion:
-        """Energy, momenta and powers at x (..., 2n + 4) under torques u (..., n - 1), and their rates along dx."""
-        x, dx, u = (np.asarray(a, dtype=np.float64) for a in (x, dx, u))
+    def motion(self, x: ArrayLike, dx: ArrayLike, u: ArrayLike, size: ArrayLike = 0.0) -> Motion:
+        """Energy, momenta and powers at x (..., 2n + 4) under torques u (..., n - 1), and their rates along dx.
+
+        ``size`` (...) is that of :meth:`conditioning`, for the sizes of the rates.
+        """
+        x, dx, u, size = (np.asarray(a, dtype=np.float64) for a in (x, dx, u, size))
         n = self.parameters.n_links
+        reach = np.abs(dx)
+        reach[..., n + 2 :] += size[..., None]
         r, v = self._points(x)
         energy = self._kinetic_energy(v)
         m, points = self._masses, (-2, -1)
 
-        def along(jet: Jet) -> Array:
-            return np.einsum("...ipj,...j->...ip", jet.gradient, dx)
-
-        momentum = [(m * c.value).sum(points) for c in v]
         momentum_rates = np.stack([m[..., None] * c.gradient * dx[..., None, None, :] for c in v], -1)
-        angular = m * (r[0].value * v[1].value - r[1].value * v[0].value)
-        angular_rates = np.stack(
-            [
-                m * along(r[0]) * v[1].value,
-                m * r[0].value * along(v[1]),
-                -m * along(r[1]) * v[0].value,
-                -m * r[1].value * along(v[0]),
-            ]
-        )
+        momentum_sizes = [m[..., None] * np.abs(c.gradient) * reach[..., None, None, :] for c in v]
+        # L = sum of m (x v_y - y v_x)
+        products = ((r[0], v[1], 1.0), (r[1], v[0], -1.0))
+        angular, angular_rate, angular_size = (np.zeros(x.shape[:-1]) for _ in range(3))
+        for a, b, sign in products:
+            angular += (sign * m * a.value * b.value).sum(points)
+            for value, gradient in ((a.value, b.gradient), (b.value, a.gradient)):
+                along = (gradient * dx[..., None, None, :]).sum(-1)
+                angular_rate += (sign * m * value * along).sum(points)
+                along = (np.abs(gradient) * reach[..., None, None, :]).sum(-1)
+                angular_size += (m * np.abs(value) * along).sum(points)
         Fx, Fy = self._friction(r, v)
         return Motion(
             energy=energy.value,
-            momentum=np.stack(momentum, -1),
-            angular_momentum=angular.sum(points),
+            momentum=np.stack([(m * c.value).sum(points) for c in v], -1),
+            angular_momentum=angular,
             energy_rate=(energy.gradient * dx).sum(-1),
-            energy_rate_size=np.abs(energy.gradient * dx).sum(-1),
+            energy_rate_size=(np.abs(energy.gradient) * reach).sum(-1),
             momentum_rate=momentum_rates.sum((-4, -3, -2)),
-            momentum_rate_size=np.abs(momentum_rates).sum((-4, -3, -2, -1)),
-            angular_momentum_rate=angular_rates.sum((0, -2, -1)),
-            angular_momentum_rate_size=np.abs(angular_rates).sum((0, -2, -1)),
+            momentum_rate_size=sum((s.sum((-3, -2, -1)) for s in momentum_sizes), np.zeros(x.shape[:-1])),
+            angular_momentum_rate=angular_rate,
+            angular_momentum_rate_size=angular_size,
             friction_power=(Fx * v[0].value + Fy * v[1].value).sum(points),
             torque_power=(u * np.diff(x[..., n + 4 :], axis=-1)).sum(-1),
         )

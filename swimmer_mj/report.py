@@ -107,10 +107,12 @@ def page(sections: Sequence[Section], seed: int, seconds: float) -> str:
         f"<title>The swimmer's physics: {html.escape(verdict)}</title><style>{_STYLE}</style></head><body>\n"
         "<h1>The swimmer's physics</h1>\n"
         f'<p class="verdict"><span class="{"failed" if failed else "ok"}">{verdict}</span></p>\n'
-        "<p>Three statements of one motion that share no line of physics: the linear system of appendix A.3, MuJoCo "
-        "with the friction as a passive callback, MuJoCo with the friction as actuators. The arbiter, Lagrange, works "
-        "from the positions of points alone, by automatic differentiation and quadrature. N = n + 2 is the number of "
-        f"equations, c the condition number of the mass matrix, eps = {np.finfo(float).eps:.1e}.</p>\n"
+        "<p>Three statements of one motion: the linear system of appendix A.3, MuJoCo with the friction as a passive "
+        "callback, MuJoCo with the friction as actuators. No two share a line about friction; the last two share "
+        "MuJoCo's rigid bodies. The arbiter, Lagrange, shares nothing with any: it works from the positions of points, "
+        "by automatic differentiation and quadrature.</p>\n"
+        "<p>N = n + 2 is the number of equations, c the condition number of the mass matrix and of the levers, "
+        f"eps = {np.finfo(float).eps:.1e}, and s the size of the terms that cancel, in units of f.</p>\n"
         + "".join(_section(section) for section in sections)
         + f"<footer>swimmer-mj validate, seed {seed}, {seconds:.0f} s. {packages}, "
         f"Python {platform.python_version()}, {html.escape(platform.platform())}.</footer>\n</body></html>\n"

@@ -1,9 +1,10 @@
 """Is the physics right? What can be said about a swimmer without knowing how it moves, and what can be known.
 
-The motion has three statements that share nothing but parameters and the state's conversion: the linear system of
-A.3 (:mod:`swimmer_mj.analytic`), MuJoCo with the friction as a passive force (:mod:`swimmer_mj.viscous`), MuJoCo
-with the friction as actuators (:mod:`swimmer_mj.mjcf`); and an arbiter (:mod:`swimmer_mj.arbiter`). Each check here
-measures one error and holds it against a tolerance that says where it comes from.
+The motion has three statements: the linear system of A.3 (:mod:`swimmer_mj.analytic`), MuJoCo with the friction as
+a passive force (:mod:`swimmer_mj.viscous`), MuJoCo with the friction as actuators (:mod:`swimmer_mj.mjcf`). No two
+share a line about friction; the last two share MuJoCo's rigid bodies. Beside them stands an arbiter
+(:mod:`swimmer_mj.arbiter`). Each check here measures one error and holds it against a tolerance that says where it
+comes from.
 
 Rounding is bounded as in any text on numerical linear algebra: N equations with a matrix of condition number c,
 solved stably in arithmetic of precision eps, give a relative error of at most about N eps c.
@@ -289,6 +290,14 @@ def _order(errors: Sequence[float], ratio: float) -> float:
 # 1. Accelerations and control matrices --------------------------------------------------------------------------
 
 
+def _scales(arbiter: LagrangianSwimmer, x: Array, u: Array) -> tuple[Array, Array]:
+    """|f(x, u)|, or 1 where it is 0, and N eps c (1 + size / |f|): what rounding may do to f, in that unit."""
+    f = np.linalg.norm(arbiter.derivative(x, u), axis=-1)
+    f[f == 0] = 1.0
+    condition, size = arbiter.conditioning(x, u)
+    return f, (arbiter.parameters.n_links + 2) * _EPS * condition * (1 + size / f)
+
+
 def disagreement(
     parameters: SwimmerParameters, x: Array, u: Array
 ) -> tuple[dict[tuple[str, str], Array], dict[tuple[str, str], Array], Array]:
@@ -299,28 +308,26 @@ def disagreement(
     derivatives, control_matrices : dict
         Relative errors of f(x, u) and of B(x) for each pair, shape (b,); no control matrices with one link.
     tolerance : ndarray, shape (b,)
-        2 N eps c with N = n + 2: two solutions, each off by what rounding does to them.
+        2 N eps c (1 + size / |f|) with N = n + 2: two solutions, each off by what rounding does to them.
     """
-    n = parameters.n_links
     swimmers = statements(parameters)
-    condition, size = swimmers[ARBITER].conditioning(x, u)
+    scale, rounding = _scales(swimmers[ARBITER], x, u)
     found = {name: (s.derivative(x, u), s.control_matrix(x)) for name, s in swimmers.items()}
     derivatives, matrices = {}, {}
     for one, other in itertools.combinations(found, 2):
-        f, g = found[one][0], found[other][0]
-        scale = np.maximum(np.linalg.norm(g, axis=-1), size)
-        error = np.linalg.norm(f - g, axis=-1)
-        derivatives[one, other] = np.divide(error, scale, out=error.copy(), where=scale > 0)
-        if n > 1:
+        derivatives[one, other] = np.linalg.norm(found[one][0] - found[other][0], axis=-1) / scale
+        if parameters.n_links > 1:
             matrices[one, other] = relative_error(found[one][1], found[other][1], n_axes=2)
-    return derivatives, matrices, 2 * (n + 2) * _EPS * condition
+    return derivatives, matrices, 2 * rounding
 
 
 def accelerations(
     rng: np.random.Generator, links: Iterable[int] = range(1, 11), n_swimmers: int = 2, n_states: int = 10
 ) -> Section:
     """Compare the statements and the arbiter pair by pair: f(x, u) and df/du, for unequal links."""
-    reason = "2 N eps c: two stable solutions of N = n + 2 equations of condition c, in double precision"
+    reason = (
+        "2 N eps c (1 + s): two stable solutions of N = n + 2 equations of condition c, s for what cancels"
+    )
     pairs = list(itertools.combinations([*STATEMENTS, ARBITER], 2))
     by_kind = [
         {pair: _Worst(f"{kind}: {pair[0]} and {pair[1]}", reason) for pair in pairs}
@@ -453,8 +460,8 @@ def measure_motion(parameters: SwimmerParameters, x: Array, u: Array) -> tuple[d
     """
     swimmers = statements(parameters)
     arbiter: LagrangianSwimmer = swimmers[ARBITER]
-    condition, _ = arbiter.conditioning(x, u)
-    motions = {name: arbiter.motion(x, s.derivative(x, u), u) for name, s in swimmers.items()}
+    condition, size = arbiter.conditioning(x, u)
+    motions = {name: arbiter.motion(x, s.derivative(x, u), u, size) for name, s in swimmers.items()}
     return motions, (parameters.n_links + 2) * _EPS * condition
 
 
@@ -624,14 +631,13 @@ def _from_the_other_end(parameters: SwimmerParameters, x: Array, dx: Array) -> t
 def symmetry_errors(
     parameters: SwimmerParameters, x: Array, u: Array, shift: Array, angle: float
 ) -> tuple[dict[str, dict[str, Array]], Array]:
-    """f of the moved swimmer against f moved, by symmetry and statement, and the tolerance (2 N eps c), shape (b,).
+    """f of the moved swimmer against f moved, by symmetry and statement, relative; and the tolerance, shape (b,).
 
     Symmetries: translation by ``shift`` (2,), rotation by ``angle``, reflection in the x axis, and counting
-    the links from the other end.
+    the links from the other end. The tolerance is that of :func:`disagreement`, where the swimmer is farthest.
     """
     n = parameters.n_links
     swimmers = statements(parameters)
-    condition, size = swimmers[ARBITER].conditioning(x, u)
     moved = x.copy()
     st.split(moved, n).position[:] += shift
     turned = _turn(x, n, angle)
@@ -644,6 +650,8 @@ def symmetry_errors(
         parameters.viscous_friction,
         parameters.torque_limit[::-1],  # pyright: ignore[reportIndexIssue]
     )
+    scale, rounding = _scales(swimmers[ARBITER], x, u)
+    _, moved_rounding = _scales(swimmers[ARBITER], moved, u)
     errors: dict[str, dict[str, Array]] = {}
     for name, swimmer in swimmers.items():
         f = swimmer.derivative(x, u)
@@ -654,10 +662,8 @@ def symmetry_errors(
             ("reflection", swimmer.derivative(mirror * x, -u), mirror * f),
             ("counting from the other end", statements(backward)[name].derivative(end, -u[:, ::-1]), end_f),
         ):
-            scale = np.maximum(np.linalg.norm(expected, axis=-1), size)
-            error = np.linalg.norm(found - expected, axis=-1)
-            errors.setdefault(symmetry, {})[name] = np.divide(error, scale, out=error.copy(), where=scale > 0)
-    return errors, 2 * (n + 2) * _EPS * condition
+            errors.setdefault(symmetry, {})[name] = np.linalg.norm(found - expected, axis=-1) / scale
+    return errors, 2 * np.maximum(rounding, moved_rounding)
 
 
 def symmetries(rng: np.random.Generator, links: Iterable[int] = (1, 2, 3, 5), n_states: int = 10) -> Section:
@@ -669,7 +675,7 @@ def symmetries(rng: np.random.Generator, links: Iterable[int] = (1, 2, 3, 5), n_
         errors, tolerance = symmetry_errors(parameters, x, u, rng.uniform(-5, 5, 2), rng.uniform(-3, 3))
         for symmetry, by_name in errors.items():
             check = worst.setdefault(
-                symmetry, _Worst(symmetry, "2 N eps c: two solutions of the equations of motion")
+                symmetry, _Worst(symmetry, "2 N eps c (1 + s): two solutions of the equations of motion")
             )
             for name, error in by_name.items():
                 for e, t in zip(error, tolerance, strict=True):
