@@ -1,5 +1,8 @@
 """Rates of stepping and learning, timed in one run, because only their ratios carry over from machine to machine."""
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco takes its names from extension modules that have no stubs.
+
 from __future__ import annotations
 
 import os

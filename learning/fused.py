@@ -16,6 +16,9 @@ weight stays zero.
 In float32, tanh is a rational function with an absolute error below 3e-7; in float64 it is the C library's.
 """
 
+# pyright: reportCallIssue=false
+# numba gives its intrinsics their first argument, the typing context, itself.
+
 from __future__ import annotations
 
 import math

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from swimmer_mj.parameters import PAPER, SwimmerParameters
     from swimmer_mj.suite import SUITE, load, register, unregister
 
+    __version__: str
+
 __all__ = ["PAPER", "SUITE", "SwimmerParameters", "__version__", "load", "register", "unregister"]
 
 _HOME = {

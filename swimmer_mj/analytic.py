@@ -41,6 +41,11 @@ def _det(a: Array, b: Array) -> Array:
     return a[..., 0, None] * b[..., 1, :] - a[..., 1, None] * b[..., 0, :]
 
 
+def _solve(A: Array, b: Array) -> Array:
+    """The solution of A q = b, typed as the float64 that it is."""
+    return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
+
+
 class AnalyticSwimmer:
     """dx/dt = f(x, u) for the state x and the torques u of A.1, by the linear system of A.3.
 
@@ -120,7 +125,7 @@ class AnalyticSwimmer:
             )
         x = np.asarray(x, dtype=np.float64)
         A, b = self._system(x)
-        q = np.linalg.solve(A, (b + u @ self._torque_map().T)[..., None])[..., 0]
+        q = _solve(A, (b + u @ self._torque_map().T)[..., None])[..., 0]
         state = st.split(np.broadcast_to(x, (*q.shape[:-1], x.shape[-1])), n)
         return np.concatenate([state.velocity, state.angular_velocities, q], axis=-1)
 
@@ -138,7 +143,7 @@ class AnalyticSwimmer:
         x = np.asarray(x, dtype=np.float64)
         A, b = self._system(x)
         T = np.broadcast_to(self._torque_map(), (*b.shape, n - 1))
-        q = np.linalg.solve(A, np.concatenate([b[..., None], T], axis=-1))
+        q = _solve(A, np.concatenate([b[..., None], T], axis=-1))
         state = st.split(x, n)
         drift = np.concatenate([state.velocity, state.angular_velocities, q[..., 0]], axis=-1)
         return drift, np.concatenate([np.zeros_like(q[..., 1:]), q[..., 1:]], axis=-2)

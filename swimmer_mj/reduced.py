@@ -11,6 +11,9 @@ Q_j = sum_i (F_i . n_j) C_ij - k theta'_j l_j^3 / 12 - u_j + u_{j-1}. It follows
 A.3's force balance; the tests hold the two equal.
 """
 
+# pyright: reportCallIssue=false
+# numba gives its intrinsics their first argument, the typing context, itself.
+
 from __future__ import annotations
 
 import math
@@ -19,7 +22,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import carray, njit
+from numba import njit
+from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
 from swimmer_mj.lowlevel import stack_buffer
