@@ -15,6 +15,7 @@ import os
 import re
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -324,9 +325,10 @@ def view(
         which: The weights that were fastest while training, or the last.
         seed: Of initial states and random torques.
     """
-    if not _has_screen():
+    if lack := _lacks_screen():
         instead = f"swimmer-mj render {run or 'RUN'}"
-        raise ValueError(f"view needs a screen and DISPLAY is not set; for a video without one: {instead}")
+        raise ValueError(f"view needs a screen and {lack}; for a video without one: {instead}")
+
     from swimmer_mj.render.backend import use_backend
 
     use_backend("glfw")  # the only one with windows
@@ -607,9 +609,16 @@ def _render_run(
     return paths
 
 
-def _has_screen() -> bool:
-    """Whether a window can be opened, as far as the environment tells."""
-    return sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+def _lacks_screen() -> str | None:
+    """Why no window can be opened; None if nothing is known to be in the way."""
+    display = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
+    if sys.platform == "linux" and not display:
+        return "DISPLAY is not set"
+    import glfw
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # GLFW says there what is said here
+        return None if glfw.init() else f"{display or 'the screen'} cannot be opened"
 
 
 def _view(task: str, run: Path | None, which: Literal["best", "last"], seed: int) -> None:
@@ -628,7 +637,7 @@ def _view(task: str, run: Path | None, which: Literal["best", "last"], seed: int
         policy = SwimmingPolicy(greedy)
 
     import numpy as np
-    from dm_control import viewer
+    from dm_control.viewer.application import Application
 
     import swimmer_mj
 
@@ -641,9 +650,17 @@ def _view(task: str, run: Path | None, which: Literal["best", "last"], seed: int
     def act(time_step: Any) -> Any:
         return rng.uniform(-1, 1, shape) if policy is None else policy(time_step.observation)
 
-    _console(False).print("Space starts and pauses, Backspace begins anew, F1 shows all keys.")
     try:
-        viewer.launch(env, policy=act, title=f"{task}: {run or 'random torques'}")
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # GLFW says there what is said here
+                window = Application(title=f"{task}: {run or 'random torques'}")
+        except RuntimeError as error:
+            raise ValueError(f"view needs a screen with OpenGL: {error}") from None
+        _console(False).print(
+            "Space: start, pause. [: follow the swimmer. Backspace: anew. F1: all keys.", markup=False
+        )
+        window.launch(env, policy=act)
     finally:
         env.physics.free()
 

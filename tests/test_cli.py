@@ -1,7 +1,9 @@
 import dataclasses
 import json
+import os
 import subprocess
 import sys
+from typing import ClassVar, get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -35,7 +37,7 @@ def test_help_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    for command in ("demo", "train", "evaluate", "render", "validate", "bench", "info", "doctor"):
+    for command in ("demo", "train", "evaluate", "render", "view", "validate", "bench", "info", "doctor"):
         assert command in done.stdout
 
 
@@ -57,6 +59,8 @@ def test_help_imports_nothing_heavy():
         (["evaluate", "nowhere"], "nowhere is not a run directory"),
         (["render", "nowhere", "--duration", "0"], "--duration must be at least 1 s, got 0.0"),
         (["info", "nowhere"], "nowhere is not a run directory"),
+        (["view"], "{swim3,swim4,swim5,steer3,steer4,steer5}"),
+        (["view", "swim6"], "swim6"),
     ],
 )
 def test_bad_usage_is_one_line_on_standard_error(tmp_path, monkeypatch, capsys, arguments, complaint):
@@ -189,6 +193,88 @@ def test_render(tmp_path, capsys, trained):
     assert trajectory.duration == pytest.approx(1.0)
     assert np.unique(trajectory.target_directions) == pytest.approx([0, np.pi])
     assert (tmp_path / "film-strip.png").stat().st_size > 20_000
+
+
+@pytest.mark.parametrize("arguments", [["swim5"], ["steer3", "runs/demo"]])
+def test_view_without_a_screen_says_what_to_do_before_heavy_imports(arguments):
+    code = (
+        f"import sys; from swimmer_mj.cli import main; status = main(['view', *{arguments}]);"
+        "heavy = {'numpy', 'torch', 'numba', 'mujoco', 'dm_control', 'matplotlib'} & set(sys.modules);"
+        "sys.exit(f'imported {heavy}' if heavy else status)"
+    )
+    screens = ("DISPLAY", "WAYLAND_DISPLAY")
+    environment = {name: value for name, value in os.environ.items() if name not in screens}
+    for screen in ({}, {"DISPLAY": ":12345"}):  # none, and one that is not there
+        done = subprocess.run(
+            [sys.executable, "-c", code], env={**environment, **screen}, capture_output=True, text=True
+        )
+        assert done.returncode == 2
+        assert done.stdout == ""
+        reason = ":12345 cannot be opened" if screen else "DISPLAY is not set"
+        run = "RUN" if len(arguments) == 1 else arguments[1]
+        assert done.stderr == (
+            f"swimmer-mj: view needs a screen and {reason}; for a video without one: swimmer-mj render {run}\n"
+        )
+
+
+@pytest.fixture
+def viewer(monkeypatch):
+    """The calls that the viewer would get on a screen."""
+    from dm_control.viewer import application
+
+    from swimmer_mj.render import backend
+
+    class Recorder:
+        calls: ClassVar[list] = []
+
+        def __init__(self, title):
+            self.title = title
+
+        def launch(self, env, policy):
+            step, actions = env.reset(), []
+            for _ in range(700):  # further than an episode of the task
+                actions.append(policy(step))
+                step = env.step(actions[-1])
+            self.calls.append((self.title, env.physics.parameters.n_links, np.array(actions), step.last()))
+
+    monkeypatch.setattr(cli, "_lacks_screen", lambda: None)
+    monkeypatch.setattr(backend, "use_backend", lambda name=None: name)
+    monkeypatch.setattr(application, "Application", Recorder)
+    Recorder.calls.clear()
+    return Recorder
+
+
+def test_view_shows_random_torques(capsys, viewer):
+    for seed in (0, 0, 1):
+        assert run(capsys, "view", "steer4", "--seed", seed)[0] == 0
+    (title, links, actions, last), (*_, again, _), (*_, other, _) = viewer.calls
+    assert title == "steer4: random torques"
+    assert (links, actions.shape, last) == (4, (700, 3), False)
+    assert -1 <= actions.min() < -0.9 < 0.9 < actions.max() <= 1
+    assert np.array_equal(actions, again)
+    assert not np.array_equal(actions, other)
+
+
+def test_view_shows_the_policy_of_a_run(tmp_path, capsys, viewer):
+    out = tmp_path / "run"
+    learning = ["--links", "3", "--neurons", "8", "--trials", "5", "--evaluate-every", "5"]
+    assert run(capsys, "train", "--out", out, *learning)[0] == 0
+    status, printed, err = run(capsys, "view", "swim3", out)
+    assert (status, err) == (0, "")
+    assert "Space: start, pause" in printed
+    ((title, links, actions, _),) = viewer.calls
+    assert title == f"swim3: {out}"
+    assert links == 3
+    assert np.array_equal(np.abs(actions), np.ones((700, 2)))  # bang-bang
+    status, _, err = run(capsys, "view", "swim5", out)
+    assert (status, err) == (2, f"swimmer-mj: {out} learned to move 3 links, and swim5 has 5\n")
+    assert run(capsys, "view", "swim5", "nowhere")[0] == 2
+
+
+def test_view_names_the_tasks_there_are():
+    from swimmer_mj import SUITE
+
+    assert {*get_args(get_type_hints(cli.view)["task"])} == {*SUITE}
 
 
 def test_module_is_the_command():
