@@ -1,17 +1,19 @@
 """Continuous TD(lambda) for the cascade network as one compiled loop, on the tensors of the torch module.
 
-The algorithm is that of :mod:`swimmer_mj.learning.continuous_td`, step by step; what differs is the order of the
-arithmetic. One learner is a chain of dependent steps, so what counts is latency:
+The algorithm is that of :mod:`swimmer_mj.learning.continuous_td`, step by step; what differs is when and in which order
+its arithmetic is done. One learner is a chain of dependent operations, so what counts is latency:
 
-- forward: when neuron i fires, its output is pushed at once to all later neurons (one column of weights), so that the
-  chain from one neuron to the next is a tanh and one multiply-add;
-- backward: when the error of neuron i is known, it is pushed at once to all earlier ones (one row of weights);
-- update: one pass moves weights and traces by the Euler step.
+- forward: when neuron i fires, its output is pushed at once to all later neurons (a row of ``T``, the weights by source
+  and neuron). What it adds to neuron i + 1 is added to that neuron's activation apart from the rest, so that from one
+  neuron to the next there are a tanh and one multiply-add;
+- backward: likewise, when the error of neuron i is known, it is pushed to all earlier ones (a row of ``W``, the weights
+  between hidden neurons by neuron and source: they are kept twice, so that both passes read rows);
+- update: the Euler step of weights and traces is put off until the next step's forward and backward pass, which do it row
+  by row just before they need the row. It depends on nothing in those passes and fills the time in which they wait for
+  their tanh. The numbers are those of an update at once.
 
-Columns and rows are both contiguous because the kernel keeps the weights twice, as ``W`` (neuron, source) and as
-``T`` (source, neuron), with traces and rates likewise, and updates both. ``T`` is copied from ``W`` at
-each trial's start. Rows are padded to whole SIMD vectors; where there is no connection the rate is zero and so the
-weight stays zero.
+Rows are padded to whole SIMD vectors. Lanes without a connection hold numbers that nothing reads: neuron j has fired
+when a later source is pushed to it.
 
 In float32, tanh is a rational function with an absolute error below 3e-7; in float64 it is the C library's.
 """
@@ -34,7 +36,17 @@ from numpy.typing import NDArray
 from swimmer_mj.learning.continuous_td import Moment, TDSettings
 from swimmer_mj.learning.networks import Cascade
 from swimmer_mj.learning.problem import ControlProblem
-from swimmer_mj.lowlevel import LANES, aligned_zeros, load, multiply, multiply_add, round_up, splat, store
+from swimmer_mj.lowlevel import (
+    LANES,
+    add_lanes,
+    aligned_zeros,
+    load,
+    multiply,
+    multiply_add,
+    round_up,
+    splat,
+    store,
+)
 
 __all__ = ["FusedTD", "SampleStatistics", "TrialStatistics"]
 
@@ -46,18 +58,24 @@ FAST = {"contract", "nsz", "arcp"}
 
 
 class Workspace(NamedTuple):
-    """Everything that the kernel writes, besides the tensors. ``Q`` sources and ``P`` neurons, padded."""
+    """Everything that the kernel writes, besides the tensors. Sizes padded to whole vectors: P of n, R of n - 1."""
 
-    W: Real  # weights (n, Q)
-    T: Real  # the same, transposed (Q, P)
-    W_trace: Real
+    T: Real  # weights (m + n, P), by source and neuron
     T_trace: Real
+    T_rate: Real  # only if rates differ within a neuron
+    W: Real  # weights between hidden neurons again (n, R), by neuron and source
+    W_trace: Real
     W_rate: Real
-    T_rate: Real
-    source: Real  # inputs, 1 for the bias, outputs of hidden neurons (Q,)
+    rate: Real  # learning rate of each neuron's weights (P,)
+    gain: Real  # dt H times that (P,)
+    z: Real  # inputs and 1 for the bias (2, m + 1), before and now
+    y: Real  # outputs of hidden neurons (2, R), before and now
+    delta: Real  # dV/d(activation) (2, P), before and now
     activation: Real  # (P,)
-    delta: Real  # dV/d(activation) (P,)
-    gradient: Real  # dV/d(source) (Q,)
+    gradient: Real  # dV/dy (R,)
+    dVdz: Real  # (m,)
+    pending: Array  # the update that is due: dt H, decay of the traces, dt (3,)
+    now: NDArray[np.int64]  # which half of z, y and delta is the newer one (1,)
     dVdx: Array  # (p,)
     x: Array  # (p,)
     a: Array  # drift (p,)
@@ -106,20 +124,19 @@ def _tanh32(x: np.float32) -> np.float32:
     Coefficients: ``ptanh_float`` of Eigen 3.4 (MathFunctionsImpl.h).
     """
     limit = np.float32(7.90531110763549805)
+    s = min(x * x, limit * limit)
     x = min(max(x, -limit), limit)
-    s = x * x
     s2 = s * s
-    s4 = s2 * s2
+    q = np.float32(4.89352518554385e-03) + s * np.float32(2.26843463243900e-03)
+    q += s2 * (np.float32(1.18534705686654e-04) + s * np.float32(1.19825839466702e-06))
     p = np.float32(4.89352455891786e-03) + s * np.float32(6.37261928875436e-04)
     p += s2 * (np.float32(1.48572235717979e-05) + s * np.float32(5.12229709037114e-08))
-    p += s4 * (
+    p += (s2 * s2) * (
         np.float32(-8.60467152213735e-11)
         + s * np.float32(2.00018790482477e-13)
         + s2 * np.float32(-2.76076847742355e-16)
     )
-    q = np.float32(4.89352518554385e-03) + s * np.float32(2.26843463243900e-03)
-    q += s2 * (np.float32(1.18534705686654e-04) + s * np.float32(1.19825839466702e-06))
-    return x * p / q
+    return (x * p) * (np.float32(1.0) / q)
 
 
 @njit(inline="always")
@@ -135,8 +152,9 @@ def _compile(
     input_pullback: Callable[..., None],
     m: int,
     single_precision: bool,
+    rate_each: bool,
 ) -> _Kernel:
-    """Compile the kernel for a problem with ``m`` network inputs."""
+    """Compile the kernel for a problem with ``m`` network inputs; rates are each neuron's, or each weight's."""
     real: Any = np.float32 if single_precision else np.float64
     tanh = _tanh32 if single_precision else _tanh64
     one = real(1.0)
@@ -145,61 +163,130 @@ def _compile(
     options: dict[str, Any] = {"fastmath": FAST, "error_model": "numpy", "nogil": True}
 
     @njit(**options)
+    def nothing_due(ws: Workspace) -> None:
+        ws.pending[0] = 0.0
+        ws.pending[1] = 1.0
+        ws.pending[2] = 0.0
+
+    @njit(**options)
     def load_weights(weight: Real, trace: Real, rate: Real, ws: Workspace) -> None:
-        """From the tensors, shape (n, m + n), to both copies of the workspace."""
+        """From the tensors, shape (n, m + n), to the workspace; no update is due."""
         n = weight.shape[0]
+        for array in (ws.T, ws.T_trace, ws.T_rate, ws.W, ws.W_trace, ws.W_rate, ws.z, ws.y, ws.delta):
+            array[:] = 0
         for i in range(n):
+            ws.rate[i] = rate[i, 0]
             for j in range(first + i):
-                ws.W[i, j] = ws.T[j, i] = weight[i, j]
-                ws.W_trace[i, j] = ws.T_trace[j, i] = trace[i, j]
-                ws.W_rate[i, j] = ws.T_rate[j, i] = rate[i, j]
+                ws.T[j, i] = weight[i, j]
+                ws.T_trace[j, i] = trace[i, j]
+                if rate_each:
+                    ws.T_rate[j, i] = rate[i, j]
+            for j in range(i):
+                ws.W[i, j] = weight[i, first + j]
+                ws.W_trace[i, j] = trace[i, first + j]
+                if rate_each:
+                    ws.W_rate[i, j] = rate[i, first + j]
+        nothing_due(ws)
+
+    @njit(inline="always", **options)
+    def updated(w: Real, e: Real, rate: Real, gain: Any, decay: Any, d: Any, gradient: Any, o: int) -> Any:
+        """The vector of weights at ``o`` after w += dt eta H e, which is stored, as is e += dt (... + dV/dw)."""
+        trace = load(e, o)
+        if rate_each:
+            weight = multiply_add(multiply(gain, load(rate, o)), trace, load(w, o))
+        else:
+            weight = multiply_add(gain, trace, load(w, o))
+        store(w, o, weight)
+        store(e, o, multiply_add(decay, trace, multiply(d, gradient)))
+        return weight
+
+    @njit(**options)
+    def update(ws: Workspace) -> None:
+        """Do what is due, to ``T`` alone."""
+        P = ws.T.shape[1]
+        o = ws.now[0]
+        dt_H, decay, step = real(ws.pending[0]), splat(real(ws.pending[1])), real(ws.pending[2])
+        for k in range(ws.T.shape[0]):
+            d = splat(step * (ws.z[o, k] if k < first else ws.y[o, k - first]))
+            for j in range(0, P, LANES):
+                gain = splat(dt_H) if rate_each else multiply(splat(dt_H), load(ws.rate, j))
+                updated(ws.T, ws.T_trace, ws.T_rate, gain, decay, d, load(ws.delta, o * P + j), k * P + j)
+        nothing_due(ws)
 
     @njit(**options)
     def store_weights(weight: Real, trace: Real, ws: Workspace) -> None:
-        """From the workspace to the tensors."""
+        """From the workspace to the tensors, up to date."""
+        update(ws)
         for i in range(weight.shape[0]):
             for j in range(first + i):
-                weight[i, j] = ws.W[i, j]
-                trace[i, j] = ws.W_trace[i, j]
+                weight[i, j] = ws.T[j, i]
+                trace[i, j] = ws.T_trace[j, i]
 
     @njit(**options)
     def value_and_gradients(x: Array, ws: Workspace) -> float:
-        """V; fills dVdx, and source and delta, whose outer product is dV/dW."""
-        n, Q = ws.W.shape
+        """Do the update that is due, then V at ``x``; fills dVdx, and z, y and delta, whose product is dV/dW."""
+        n, R = ws.W.shape
         P = ws.T.shape[1]
         hidden = n - 1
-        source, activation, delta, gradient = ws.source, ws.activation, ws.delta, ws.gradient
-
-        inputs(x, source)
-        source[m] = one
-        zero = splat(real(0.0))
+        activation, gradient, gain = ws.activation, ws.gradient, ws.gain
+        old = ws.now[0]
+        new = 1 - old
+        ws.now[0] = new
+        dt_H, decay, step = real(ws.pending[0]), splat(real(ws.pending[1])), real(ws.pending[2])
         for j in range(0, P, LANES):
-            store(activation, j, zero)
-        for k in range(first):
-            y = splat(source[k])
-            for j in range(0, P, LANES):
-                store(activation, j, multiply_add(y, load(ws.T, k * P + j), load(activation, j)))
-        for i in range(hidden):
-            y_i = tanh(activation[i])
-            k = first + i
-            source[k] = y_i
-            y = splat(y_i)
-            for j in range((i + 1) // LANES * LANES, P, LANES):
-                store(activation, j, multiply_add(y, load(ws.T, k * P + j), load(activation, j)))
-        V = activation[hidden]
+            store(gain, j, splat(dt_H) if rate_each else multiply(splat(dt_H), load(ws.rate, j)))
 
-        for j in range(0, Q, LANES):
-            store(gradient, j, load(ws.W, hidden * Q + j))
-        delta[hidden] = one
+        z = ws.z[new]
+        inputs(x, z)
+        z[m] = one
+        for j in range(0, P, LANES):
+            total = splat(real(0.0))
+            g, slope = load(gain, j), load(ws.delta, old * P + j)
+            for k in range(first):
+                w = updated(
+                    ws.T, ws.T_trace, ws.T_rate, g, decay, splat(step * ws.z[old, k]), slope, k * P + j
+                )
+                total = multiply_add(splat(z[k]), w, total)
+            store(activation, j, total)
+        activation_i = activation[0]
+        for i in range(hidden):
+            y_i = tanh(activation_i)
+            ws.y[new, i] = y_i
+            y, d = splat(y_i), splat(step * ws.y[old, i])
+            activation_i = activation[i + 1]
+            for j in range((i + 1) // LANES * LANES, P, LANES):
+                o = (first + i) * P + j
+                w = updated(
+                    ws.T, ws.T_trace, ws.T_rate, load(gain, j), decay, d, load(ws.delta, old * P + j), o
+                )
+                store(activation, j, multiply_add(y, w, load(activation, j)))
+            activation_i += y_i * ws.T[first + i, i + 1]
+
+        ws.delta[new, hidden] = one
+        d, g = splat(step * ws.delta[old, hidden]), splat(gain[hidden])
+        for j in range(0, R, LANES):
+            o = hidden * R + j
+            store(gradient, j, updated(ws.W, ws.W_trace, ws.W_rate, g, decay, d, load(ws.y, old * R + j), o))
+        gradient_i = gradient[hidden - 1]
         for i in range(hidden - 1, -1, -1):
-            y_i = source[first + i]
-            delta_i = (one - y_i * y_i) * gradient[first + i]
-            delta[i] = delta_i
-            d = splat(delta_i)
-            for j in range(0, first + i, LANES):
-                store(gradient, j, multiply_add(d, load(ws.W, i * Q + j), load(gradient, j)))
-        input_pullback(source, gradient, ws.dVdx)
-        return V
+            y_i = ws.y[new, i]
+            delta_i = (one - y_i * y_i) * gradient_i
+            d, g = splat(step * ws.delta[old, i]), splat(gain[i])
+            ws.delta[new, i] = delta_i
+            slope = splat(delta_i)
+            gradient_i = gradient[max(i - 1, 0)]
+            for j in range(0, i, LANES):
+                w = updated(ws.W, ws.W_trace, ws.W_rate, g, decay, d, load(ws.y, old * R + j), i * R + j)
+                store(gradient, j, multiply_add(slope, w, load(gradient, j)))
+            gradient_i += delta_i * ws.W[i, max(i - 1, 0)]
+        for k in range(m):
+            total = multiply(load(ws.T, k * P), load(ws.delta, new * P))
+            for j in range(LANES, P, LANES):
+                total = multiply_add(load(ws.T, k * P + j), load(ws.delta, new * P + j), total)
+            ws.dVdz[k] = add_lanes(total)
+        input_pullback(z, ws.dVdz, ws.dVdx)
+        nothing_due(ws)
+        return activation_i
 
     @njit(**options)
     def decide(limits: Array, ws: Workspace) -> float:
@@ -220,36 +307,15 @@ def _compile(
         return rate
 
     @njit(**options)
-    def update(dt: float, H: float, s_gamma: float, s_lambda: float, ws: Workspace) -> None:
-        """w += dt eta H e, then e += dt (-(s_gamma + s_lambda) e + dV/dw), in both copies."""
-        n, Q = ws.W.shape
-        P = ws.T.shape[1]
-        gain = splat(real(dt * H))
-        decay = splat(real(1.0 - dt * (s_gamma + s_lambda)))
-        step = real(dt)
-        for i in range(n):
-            d = splat(step * ws.delta[i])
-            for j in range(0, first + i, LANES):
-                o = i * Q + j
-                e = load(ws.W_trace, o)
-                store(ws.W, o, multiply_add(multiply(gain, load(ws.W_rate, o)), e, load(ws.W, o)))
-                store(ws.W_trace, o, multiply_add(decay, e, multiply(d, load(ws.source, j))))
-        for k in range(m + n):
-            y = splat(step * ws.source[k])
-            for j in range(max(k - m, 0) // LANES * LANES, P, LANES):
-                o = k * P + j
-                e = load(ws.T_trace, o)
-                store(ws.T, o, multiply_add(multiply(gain, load(ws.T_rate, o)), e, load(ws.T, o)))
-                store(ws.T_trace, o, multiply_add(decay, e, multiply(y, load(ws.delta, j))))
-
-    @njit(**options)
     def learn_once(
         dt: float, s_gamma: float, s_lambda: float, limits: Array, r: float, ws: Workspace
     ) -> tuple[float, float]:
         """One learning step at ``ws.x``, given ``ws.a`` and ``ws.B``; fills ``ws.u`` and ``ws.f``; returns V and H."""
         V = float(value_and_gradients(ws.x, ws))
         H = r - s_gamma * V + decide(limits, ws)
-        update(dt, H, s_gamma, s_lambda, ws)
+        ws.pending[0] = dt * H
+        ws.pending[1] = 1.0 - dt * (s_gamma + s_lambda)
+        ws.pending[2] = dt
         return V, H
 
     @njit(**options)
@@ -275,8 +341,6 @@ def _compile(
         eta, beta, epsilon = vario
         for trial in range(initial_states.shape[0]):
             trace[:] = 0
-            ws.W_trace[:] = 0
-            ws.T_trace[:] = 0
             load_weights(weight, trace, rate, ws)
             for i in range(ws.x.size):
                 ws.x[i] = initial_states[trial, i]
@@ -290,10 +354,11 @@ def _compile(
                 sum_V += V
                 sum_H2 += H * H
                 sum_r += r
+            update(ws)
             if beta > 0:
                 for i in range(n):
                     for j in range(first + i):
-                        change = (ws.W[i, j] - weight[i, j]) / rate[i, j]
+                        change = (ws.T[j, i] - weight[i, j]) / rate[i, j]
                         v = (one - real(beta)) * variance[i, j] + real(beta) * change * change
                         variance[i, j] = v
                         rate[i, j] = base_rate[i, j] * real(eta) / (np.sqrt(v) + real(epsilon))
@@ -366,12 +431,14 @@ def _compile(
     return _Kernel(train, learn_once, load_weights, store_weights, sample, rollout)
 
 
-def _workspace(n: int, m: int, p: int, q: int, dtype: Any) -> Workspace:
-    Q, P = round_up(m + n), round_up(n)
-    rows, columns = (n, Q), (Q, P)
-    shapes = (rows, columns, rows, columns, rows, columns, (Q,), (P,), (P,), (Q,))
+def _workspace(n: int, m: int, p: int, q: int, dtype: Any, rate_each: bool) -> Workspace:
+    P, R = round_up(n), round_up(max(n - 1, 1))
+    T, W, none = (m + n, P), (n, R), (1, LANES)
+    T_rate, W_rate = (T, W) if rate_each else (none, none)
+    shapes = (T, T, T_rate, W, W, W_rate, (P,), (P,), (2, m + 1), (2, R), (2, P), (P,), (R,), (m,))
     real = [aligned_zeros(shape, dtype) for shape in shapes]
-    return Workspace(*real, *(np.zeros(shape) for shape in (p, p, p, (p, q), q, p)))
+    state = [np.zeros(shape) for shape in (p, p, p, (p, q), q, p)]
+    return Workspace(*real, np.array([0.0, 1.0, 0.0]), np.zeros(1, np.int64), *state)
 
 
 class FusedTD:
@@ -407,8 +474,10 @@ class FusedTD:
             raise TypeError(f"the network must be float32 or float64, got {dtype}")
         constants, *functions = compiled
         self._constants = constants
-        self._kernel = _compile(*functions, problem.n_inputs, dtype == torch.float32)
         (base,) = network.learning_rates(1.0, settings.output_scaling)
+        alike = torch.equal(base, base[:, :1] * network.connected)
+        rate_each = settings.vario is not None or not alike
+        self._kernel = _compile(*functions, problem.n_inputs, dtype == torch.float32, rate_each)
         self.trace = torch.zeros_like(network.weight.data)
         self.base_rate = base
         self.variance = torch.full_like(base, settings.vario.initial_variance if settings.vario else 0.0)
@@ -420,6 +489,7 @@ class FusedTD:
             problem.state_size,
             len(self._limits),
             self.trace.numpy().dtype,
+            rate_each,
         )
 
     def _load(self) -> None:
@@ -453,8 +523,6 @@ class FusedTD:
     def start_trial(self) -> None:
         """Zero traces, for :meth:`learn_at`."""
         self.trace.zero_()
-        self._ws.W_trace[:] = 0
-        self._ws.T_trace[:] = 0
         self._load()
 
     def learn_at(self, x: Array) -> Moment:

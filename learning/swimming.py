@@ -21,6 +21,7 @@ from swimmer_mj.dynamics import Dynamics
 from swimmer_mj.initial_states import random_initial_state
 from swimmer_mj.integrators import euler_step, rk4_step
 from swimmer_mj.learning.problem import CompiledProblem
+from swimmer_mj.lowlevel import cos_sin
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 from swimmer_mj.reduced import compile_reduced_dynamics, reduced_constants
 
@@ -140,8 +141,7 @@ def _compiled_functions(n: int) -> tuple[Any, Any, Any]:
     @njit(error_model="numpy")
     def inputs(x: Array, z: NDArray[Any]) -> None:
         for i in range(n):
-            z[i] = math.cos(x[i])
-            z[n + i] = math.sin(x[i])
+            z[i], z[n + i] = cos_sin(x[i])
             z[2 * n + i] = RATE_SCALE * x[n + i]
         z[3 * n] = x[2 * n]
         z[3 * n + 1] = x[2 * n + 1]

@@ -12,14 +12,16 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 from numpy.typing import DTypeLike, NDArray
 
 __all__ = [
     "LANES",
+    "add_lanes",
     "aligned_zeros",
+    "cos_sin",
     "load",
     "multiply",
     "multiply_add",
@@ -44,6 +46,62 @@ def aligned_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     buffer = np.zeros(size + 64, np.uint8)
     start = -buffer.ctypes.data % 64
     return buffer[start : start + size].view(dtype).reshape(shape)
+
+
+@njit(fastmath={"contract", "nsz", "arcp"}, error_model="numpy", inline="always")
+def cos_sin(x: float) -> tuple[float, float]:
+    """Cosine and sine of ``x`` (float64), each within 1e-15 for abs(x) < 1e5; no branch, so that loops vectorise.
+
+    Cody and Waite's reduction by multiples of pi/2 in three parts, then the polynomials of degrees 14 and 13 on
+    [-pi/4, pi/4] whose coefficients are those of fdlibm (k_cos.c, k_sin.c).
+    """
+    k = np.rint(x * 0.6366197723675814)
+    r = x - k * 1.5707963267341256
+    r -= k * 6.077100506303966e-11
+    r -= k * 2.0222662487959506e-21
+    w = r * r
+    cosine = 1.0 - (
+        0.5 * w
+        - w
+        * w
+        * (
+            4.16666666666666019037e-02
+            + w
+            * (
+                -1.38888888888741095749e-03
+                + w
+                * (
+                    2.48015872894767294178e-05
+                    + w
+                    * (
+                        -2.75573143513906633035e-07
+                        + w * (2.08757232129817482790e-09 - w * 1.13596475577881948265e-11)
+                    )
+                )
+            )
+        )
+    )
+    sine = r + r * w * (
+        -1.66666666666666324348e-01
+        + w
+        * (
+            8.33333333332248946124e-03
+            + w
+            * (
+                -1.98412698298579493134e-04
+                + w
+                * (
+                    2.75573137070700676789e-06
+                    + w * (-2.50507602534068634195e-08 + w * 1.58969099521155010221e-10)
+                )
+            )
+        )
+    )
+    quadrant = int(k) & 3
+    swapped = (quadrant & 1) != 0
+    c = sine if swapped else cosine
+    s = cosine if swapped else sine
+    return (-c if quadrant == 1 or quadrant == 2 else c), (-s if quadrant >= 2 else s)
 
 
 class _Vector(types.Type):
@@ -129,6 +187,30 @@ def multiply_add(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
         return builder.call(fma, args)
 
     return a(a, a, a), codegen
+
+
+@intrinsic
+def add_lanes(typing_context: Any, vector: Any) -> Any:
+    """``add_lanes(vector)``: the sum of its lanes, by halves."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        total = args[0]
+        index = ir.IntType(32)
+        width = LANES
+        while width > 1:
+            width //= 2
+            low, high = (
+                builder.shuffle_vector(
+                    total,
+                    ir.Constant(total.type, ir.Undefined),
+                    ir.Constant(ir.VectorType(index, width), list(range(start, start + width))),
+                )
+                for start in (0, width)
+            )
+            total = builder.fadd(low, high)
+        return builder.extract_element(total, ir.Constant(index, 0))
+
+    return vector.dtype(vector), codegen
 
 
 @intrinsic

@@ -16,7 +16,6 @@ A.3's force balance; the tests hold the two equal.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
@@ -26,7 +25,7 @@ from numba import njit
 from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
-from swimmer_mj.lowlevel import stack_buffer
+from swimmer_mj.lowlevel import cos_sin, stack_buffer
 from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = ["ReducedConstants", "compile_reduced_dynamics", "reduced_constants"]
@@ -80,6 +79,7 @@ def compile_reduced_dynamics(n: int) -> Callable[..., None]:
         c = carray(stack_buffer(square), n)
         s = carray(stack_buffer(square), n)
         F = carray(stack_buffer(square), n)  # F_i along n_i
+        reciprocal = carray(stack_buffer(square), n)  # of the pivots
         cosine = carray(stack_buffer(square), (n, n))  # cos(theta_i - theta_j)
         inertia = carray(stack_buffer(square), (n, n))
         centrifugal = carray(stack_buffer(square), (n, n))
@@ -90,8 +90,7 @@ def compile_reduced_dynamics(n: int) -> Callable[..., None]:
         vy = z[2 * n + 1]
 
         for i in range(n):
-            c[i] = math.cos(z[i])
-            s[i] = math.sin(z[i])
+            c[i], s[i] = cos_sin(z[i])
         for i in range(n):
             for j in range(n):
                 cosine[i, j] = c[i] * c[j] + s[i] * s[j]
@@ -120,15 +119,16 @@ def compile_reduced_dynamics(n: int) -> Callable[..., None]:
 
         # Elimination without pivoting (the matrix is positive definite), then back substitution.
         for j in range(n):
+            reciprocal[j] = 1.0 / inertia[j, j]
             for i in range(j + 1, n):
-                ratio = inertia[i, j] / inertia[j, j]
+                ratio = inertia[i, j] * reciprocal[j]
                 for k in range(j + 1, i + 1):
                     inertia[i, k] -= ratio * inertia[k, j]
                 for k in range(n):
                     q[i, k] -= ratio * q[j, k]
         for j in range(n - 1, -1, -1):
             for k in range(n):
-                q[j, k] /= inertia[j, j]
+                q[j, k] *= reciprocal[j]
             for i in range(j):
                 for k in range(n):
                     q[i, k] -= inertia[j, i] * q[j, k]

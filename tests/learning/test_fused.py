@@ -82,7 +82,9 @@ def test_gradients_agree_with_autograd(n_neurons):
         assert learner.sample(x[None]).value[0] == pytest.approx(V, rel=1e-13, abs=1e-14)
         ws = learner._ws
         assert ws.dVdx == pytest.approx(dVdx, rel=1e-12, abs=1e-14)
-        outer = np.outer(ws.delta[:n_neurons], ws.source[: dVdw.shape[1]])
+        now = ws.now[0]
+        sources = np.concatenate([ws.z[now], ws.y[now, : n_neurons - 1]])
+        outer = np.outer(ws.delta[now, :n_neurons], sources)
         connected = network.connected.numpy()
         assert outer[connected] == pytest.approx(dVdw.numpy()[connected], rel=1e-12, abs=1e-14)
 
