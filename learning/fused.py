@@ -8,9 +8,9 @@ its arithmetic is done. One learner is a chain of dependent operations, so what 
   neuron to the next there are a tanh and one multiply-add;
 - backward: likewise, when the error of neuron i is known, it is pushed to all earlier ones (a row of ``W``, the weights
   between hidden neurons by neuron and source: they are kept twice, so that both passes read rows);
-- update: the Euler step of weights and traces is put off until the next step's forward and backward pass, which do it row
-  by row just before they need the row. It depends on nothing in those passes and fills the time in which they wait for
-  their tanh. The numbers are those of an update at once.
+- update: the Euler step of weights and traces is put off until the next step's forward and backward pass, which do it
+  row by row just before they need the row. It depends on nothing in those passes and fills the time in which they wait
+  for their tanh. The numbers are those of an update at once.
 
 Rows are padded to whole SIMD vectors. Lanes without a connection hold numbers that nothing reads: neuron j has fired
 when a later source is pushed to it.
@@ -476,7 +476,7 @@ class FusedTD:
         self._constants = constants
         (base,) = network.learning_rates(1.0, settings.output_scaling)
         alike = torch.equal(base, base[:, :1] * network.connected)
-        rate_each = settings.vario is not None or not alike
+        self.rate_each = rate_each = settings.vario is not None or not alike
         self._kernel = _compile(*functions, problem.n_inputs, dtype == torch.float32, rate_each)
         self.trace = torch.zeros_like(network.weight.data)
         self.base_rate = base
@@ -491,6 +491,11 @@ class FusedTD:
             self.trace.numpy().dtype,
             rate_each,
         )
+
+    @property
+    def weight(self) -> torch.Tensor:
+        """The network's weights."""
+        return self.network.weight.data
 
     def _load(self) -> None:
         weight = self.network.weight.data.numpy()

@@ -35,6 +35,7 @@ from swimmer_mj.learning.fused import FusedTD
 from swimmer_mj.learning.networks import Cascade
 from swimmer_mj.learning.pendulum import Pendulum
 from swimmer_mj.learning.policy import GreedyPolicy, observed_state
+from swimmer_mj.learning.population import LANES, PopulationTD
 from swimmer_mj.learning.problem import ControlProblem
 from swimmer_mj.learning.swimming import Swimming
 from swimmer_mj.learning.vario_eta import VarioEta
@@ -42,6 +43,7 @@ from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 __all__ = [
     "Metrics",
+    "Pack",
     "Progress",
     "Report",
     "TrainConfig",
@@ -70,7 +72,8 @@ class TrainConfig:
     td: TDSettings = field(default_factory=lambda: TDSettings(eta=0.04))
     neurons: int = PAPER_NEURONS
     dtype: Literal["float32", "float64"] = "float32"
-    engine: Literal["fused", "torch"] = "fused"
+    engine: Literal["fused", "population", "torch"] = "fused"
+    """One compiled learner, one of a pack of them, or the readable reference; equal but for rounding."""
     physics: Literal["analytic", "mujoco"] = "analytic"
     evaluate_every: int = 2000
     """Trials between evaluations."""
@@ -84,8 +87,15 @@ class TrainConfig:
             raise ValueError(f"evaluate_every must be at least 1 trial, got {self.evaluate_every}")
         if self.physics == "mujoco" and self.problem != "swim":
             raise ValueError(f"physics 'mujoco' is for swimming, not for {self.problem!r}")
+        if self.physics == "mujoco" and self.engine == "population":
+            raise ValueError("engine 'population' learns on the compiled equations only, not through MuJoCo")
         if self.physics == "mujoco" and self.td.vario is not None and self.engine == "fused":
             raise ValueError("vario-eta through MuJoCo needs engine 'torch'")
+
+    def common(self) -> TrainConfig:
+        """What is the same for all runs that can learn as a pack: this configuration, its own things aside."""
+        td = TDSettings(dt=self.td.dt, trial_duration=self.td.trial_duration)
+        return dataclasses.replace(self, seed=0, td=td)
 
     def make_problem(self) -> ControlProblem:
         """The control problem that is learned."""
@@ -195,47 +205,16 @@ class TrainingRun:
 
     def advance(
         self,
-        on_progress: Callable[[Progress], None] = lambda progress: None,
+        report: Callable[[Report], None] = lambda report: None,
         stretch: int = 100,
         stop: Callable[[], bool] = lambda: False,
     ) -> Metrics | None:
-        """Learn for ``evaluate_every`` trials, evaluate, and save.
+        """:meth:`Pack.advance` of this run alone; its metrics."""
+        metrics = Pack([self]).advance(report, stretch, stop)
+        return None if metrics is None else metrics[0]
 
-        Parameters
-        ----------
-        on_progress : callable
-            Called after each ``stretch`` of trials.
-        stretch : int
-            Trials between calls; the result does not depend on it.
-        stop : callable
-            Asked after each stretch. When it says True, the period is left unfinished and forgotten: the run stands
-            where it last was saved, and None is returned.
-        """
-        started = time.perf_counter()
-        left = self.config.evaluate_every
-        while left:
-            count = min(stretch, left)
-            before = time.perf_counter()
-            value, squared_hamiltonian = self._learn(count)
-            left -= count
-            self.trial += count
-            rate = count / (time.perf_counter() - before)
-            on_progress(Progress(self.trial, rate, value, squared_hamiltonian))
-            if not torch.isfinite(self.network.weight).all():
-                raise FloatingPointError(
-                    f"weights are no longer finite after {self.trial} trials: eta {self.config.td.eta} is too large"
-                )
-            if left and stop():
-                return None
-        metrics = self.evaluate(self.seconds + time.perf_counter() - started)
-        self.seconds = metrics.seconds
-        self.history.append(metrics)
-        self._save(metrics)
-        return metrics
-
-    def _learn(self, count: int) -> tuple[float, float]:
-        """``count`` trials; mean V and mean H^2 along them."""
-        states = self.problem.initial_states(self.rng, count)
+    def learn(self, states: Array) -> tuple[float, float]:
+        """A trial from each of ``states`` (trials, p); mean V and mean H^2 along them."""
         if self.config.engine == "fused" and self.config.physics == "analytic":
             trials = self.fused.train(states)
             return float(trials.value.mean()), float(trials.squared_hamiltonian.mean())
@@ -278,7 +257,10 @@ class TrainingRun:
         )
         return {"weight": self.network.weight.data, "variance": variances, "rate": rates}
 
-    def _save(self, metrics: Metrics) -> None:
+    def save(self, metrics: Metrics) -> None:
+        """Write the run as it stands after the evaluation ``metrics``."""
+        self.seconds = metrics.seconds
+        self.history.append(metrics)
         info = {
             "config": self.config.to_json(),
             **metrics._asdict(),
@@ -316,6 +298,82 @@ class Report(NamedTuple):
     """After an evaluation."""
 
 
+class Pack:
+    """Runs that learn in step: a single one, or up to 16 whose engine is ``"population"``.
+
+    The runs of a pack may differ in seed, rates and s_lambda. What each computes does not depend on the others.
+    """
+
+    def __init__(self, runs: Sequence[TrainingRun]) -> None:
+        self.runs = list(runs)
+        self.population = (
+            PopulationTD([run.fused for run in runs]) if runs[0].config.engine == "population" else None
+        )
+        if self.population is None and len(runs) > 1:
+            raise ValueError(f"engine {runs[0].config.engine!r} learns one run at a time, got {len(runs)}")
+
+    @staticmethod
+    def of(runs: Sequence[TrainingRun], workers: int) -> list[Pack]:
+        """Packs of ``runs``: as large as they may be, and at least as many as there are ``workers``."""
+        alike: dict[Any, list[TrainingRun]] = {}
+        for run in runs:
+            key = id(run) if run.config.engine != "population" else run.config.common()
+            alike.setdefault(key, []).append(run)
+        size = min(LANES, -(-len(runs) // workers))
+        return [Pack(group[i : i + size]) for group in alike.values() for i in range(0, len(group), size)]
+
+    def advance(
+        self,
+        report: Callable[[Report], None] = lambda report: None,
+        stretch: int = 100,
+        stop: Callable[[], bool] = lambda: False,
+    ) -> list[Metrics] | None:
+        """Learn for ``evaluate_every`` trials, evaluate, and save.
+
+        Parameters
+        ----------
+        report : callable
+            Called with each run's news after each ``stretch`` of trials and after the evaluation.
+        stretch : int
+            Trials between calls; the result does not depend on it.
+        stop : callable
+            Asked after each stretch. When it says True, the period is left unfinished and forgotten: the runs stand
+            where they last were saved, and None is returned.
+        """
+        started = time.perf_counter()
+        left = self.runs[0].config.evaluate_every
+        while left:
+            count = min(stretch, left)
+            before = time.perf_counter()
+            states = [run.problem.initial_states(run.rng, count) for run in self.runs]
+            if self.population is None:
+                means = [self.runs[0].learn(states[0])]
+            else:
+                trials = self.population.train(np.stack(states, axis=1))
+                means = list(
+                    zip(trials.value.mean(axis=0), trials.squared_hamiltonian.mean(axis=0), strict=True)
+                )
+            left -= count
+            rate = count / (time.perf_counter() - before)
+            for run, (value, squared_hamiltonian) in zip(self.runs, means, strict=False):
+                run.trial += count
+                if not torch.isfinite(run.network.weight).all():
+                    raise FloatingPointError(
+                        f"weights of {run.directory} are no longer finite after {run.trial} trials: "
+                        f"eta {run.config.td.eta} is too large"
+                    )
+                report(Report(run, Progress(run.trial, rate, float(value), float(squared_hamiltonian)), None))
+            if left and stop():
+                return None
+        rows = []
+        for run in self.runs:
+            metrics = run.evaluate(run.seconds + time.perf_counter() - started)
+            run.save(metrics)
+            report(Report(run, None, metrics))
+            rows.append(metrics)
+        return rows
+
+
 def train_together(
     runs: Sequence[TrainingRun],
     *,
@@ -349,21 +407,25 @@ def train_together(
     def over() -> bool:
         return finished.is_set() or time.monotonic() > deadline
 
-    def work(run: TrainingRun) -> None:
+    def work(pack: Pack) -> None:
         try:
-            while not over() and (trials is None or run.trial < trials):
-                metrics = run.advance(lambda progress: report(Report(run, progress, None)), stop=over)
-                if metrics is None:
+            while not over():
+                unfinished = [run for run in pack.runs if trials is None or run.trial < trials]
+                if not unfinished:
                     return
-                report(Report(run, None, metrics))
-                if enough(run):
+                if len(unfinished) < len(pack.runs):
+                    pack = Pack(unfinished)
+                if pack.advance(report, stop=over) is None:
+                    return
+                if any(enough(run) for run in pack.runs):
                     finished.set()
         except BaseException:
             finished.set()
             raise
 
-    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        futures = [pool.submit(work, run) for run in runs]
+    workers = workers or os.cpu_count() or 1
+    with ThreadPoolExecutor(workers) as pool:
+        futures = [pool.submit(work, pack) for pack in Pack.of(runs, workers)]
         try:
             for future in futures:
                 future.result()

@@ -155,6 +155,36 @@ def test_both_engines_run_the_same_run(tmp_path):
     assert weights[0].abs().sum() > 0
 
 
+def test_a_pack_computes_what_its_runs_compute_alone(tmp_path):
+    def make(directory, engine):
+        rates = [(0.01, 1.0, None), (0.04, 2.0, None), (0.04, 1.0, VarioEta())]
+        config = dataclasses.replace(SMALL, dtype="float64", engine=engine)
+        return [
+            TrainingRun(
+                tmp_path / directory / f"{i}",
+                dataclasses.replace(
+                    config, seed=i, td=dataclasses.replace(SMALL.td, eta=eta, s_lambda=s, vario=vario)
+                ),
+            )
+            for i, (eta, s, vario) in enumerate(rates)
+        ]
+
+    together, singles = make("pack", "population"), make("singles", "fused")
+    train_together(together, trials=40, workers=1)
+    for pack_run, single in zip(together, singles, strict=True):
+        single.advance()
+        single.advance()
+        assert pack_run.trial == single.trial == 40
+        assert (pack_run.network.weight - single.network.weight).abs().max() < 1e-12
+        assert torch.allclose(pack_run.fused.rate, single.fused.rate, rtol=1e-9)
+        assert single.network.weight.abs().sum() > 0
+    alone = TrainingRun(tmp_path / "alone", together[1].config)
+    alone.advance()
+    resumed = TrainingRun(tmp_path / "alone", resume=True)
+    train_together([resumed], trials=40)
+    assert torch.equal(resumed.network.weight, together[1].network.weight)
+
+
 def test_runs_together_stop_at_a_number_of_trials(tmp_path):
     runs = [TrainingRun(tmp_path / f"seed-{s}", dataclasses.replace(SMALL, seed=s)) for s in range(3)]
     reports = []

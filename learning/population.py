@@ -1,0 +1,345 @@
+"""Many independent learners at once, one in each lane of a SIMD vector: equation 2, sixteen times side by side.
+
+Each learner has its own network, traces and trajectory, and is the sequential algorithm of
+:mod:`swimmer_mj.learning.continuous_td`; nothing passes from lane to lane, so that what a learner does depends neither
+on its lane nor on its companions. Where :mod:`swimmer_mj.learning.fused` waits for one tanh after the other, a pack of
+learners waits once for all: its time goes into moving weights and traces through the cache.
+
+A weight of all learners is one vector; rows of weights are stored one after the other without the places where nothing
+is connected. As in the fused kernel, the update of weights and traces waits for the next step's forward pass, which
+needs each weight anyway.
+"""
+
+# pyright: reportCallIssue=false
+# numba gives its intrinsics their first argument, the typing context, itself.
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from swimmer_mj.learning import vario_eta
+from swimmer_mj.learning.fused import FAST, FusedTD, TrialStatistics
+from swimmer_mj.lowlevel import (
+    LANES,
+    aligned_zeros,
+    clamp,
+    divide,
+    load,
+    multiply,
+    multiply_add,
+    splat,
+    store,
+)
+
+__all__ = ["LANES", "PopulationTD"]
+
+Array = NDArray[np.float64]
+Real = NDArray[Any]  # the learners' dtype
+
+
+class Workspace(NamedTuple):
+    """What the kernel writes. The last axis is the learner's lane, unless said otherwise."""
+
+    weight: Real  # (n_weights, LANES)
+    trace: Real  # (n_weights, LANES)
+    rate: Real  # of each weight, or of each neuron (n_weights or n, LANES)
+    source: Real  # inputs, 1 for the bias, outputs of hidden neurons; before and now (2, m + n, LANES)
+    delta: Real  # dV/d(activation), before and now (2, n, LANES)
+    gradient: Real  # dV/d(source) (m + n, LANES)
+    gain: Real  # dt H of the update that is due (LANES,)
+    decay: Real  # of the traces in that update (LANES,)
+    step: Real  # dt in that update (LANES,)
+    z: Real  # inputs of one learner (m + 1,)
+    dVdz: Real  # of one learner (m,)
+    dVdx: Array  # of one learner (p,)
+    x: Array  # lane first: (LANES, p)
+    a: Array  # (LANES, p)
+    B: Array  # (LANES, p, q)
+
+
+class _Kernel(NamedTuple):
+    train: Callable[..., None]
+
+
+@njit(fastmath=FAST, error_model="numpy", inline="always")
+def _tanh_lanes(x: Any) -> Any:
+    """tanh of each lane, in float32: the operations of ``fused._tanh32``."""
+    limit = np.float32(7.90531110763549805)
+    s = clamp(multiply(x, x), splat(np.float32(0.0)), splat(limit * limit))
+    x = clamp(x, splat(-limit), splat(limit))
+    s2 = multiply(s, s)
+    q = multiply_add(s, splat(np.float32(2.26843463243900e-03)), splat(np.float32(4.89352518554385e-03)))
+    q_high = multiply_add(s, splat(np.float32(1.19825839466702e-06)), splat(np.float32(1.18534705686654e-04)))
+    q = multiply_add(s2, q_high, q)
+    p = multiply_add(s, splat(np.float32(6.37261928875436e-04)), splat(np.float32(4.89352455891786e-03)))
+    p_mid = multiply_add(s, splat(np.float32(5.12229709037114e-08)), splat(np.float32(1.48572235717979e-05)))
+    p_high = multiply_add(
+        s, splat(np.float32(2.00018790482477e-13)), splat(np.float32(-8.60467152213735e-11))
+    )
+    p_high = multiply_add(s2, splat(np.float32(-2.76076847742355e-16)), p_high)
+    p = multiply_add(multiply(s2, s2), p_high, multiply_add(s2, p_mid, p))
+    return divide(multiply(x, p), q)
+
+
+@lru_cache(maxsize=16)
+def _compile(
+    dynamics: Callable[..., None],
+    reward: Callable[..., float],
+    inputs: Callable[..., None],
+    input_pullback: Callable[..., None],
+    m: int,
+    single_precision: bool,
+    rate_each: bool,
+) -> _Kernel:
+    """Compile the kernel for a problem with ``m`` network inputs; rates are each neuron's, or each weight's."""
+    real: Any = np.float32 if single_precision else np.float64
+    first = m + 1  # index of the first hidden neuron among the sources
+    options: dict[str, Any] = {"fastmath": FAST, "error_model": "numpy", "nogil": True}
+
+    @njit(**options)
+    def forward(n: int, old: int, new: int, ws: Workspace) -> None:
+        """Do the update that is due, and compute the outputs of all neurons; V is left in ``gradient[0]``."""
+        weight, trace, rate, source, delta = ws.weight, ws.trace, ws.rate, ws.source, ws.delta
+        S = (m + n) * LANES  # of one half of source
+        gain, decay, step = load(ws.gain, 0), load(ws.decay, 0), load(ws.step, 0)
+        o = 0
+        for i in range(n):
+            d = multiply(step, load(delta, (old * n + i) * LANES))
+            g = gain if rate_each else multiply(gain, load(rate, i * LANES))
+            even = odd = splat(real(0.0))
+            # Two sums, so that additions need not wait for each other; the newest source comes last.
+            for j in range(first + i):
+                e = load(trace, o)
+                if rate_each:
+                    w = multiply_add(multiply(g, load(rate, o)), e, load(weight, o))
+                else:
+                    w = multiply_add(g, e, load(weight, o))
+                store(weight, o, w)
+                s = j * LANES
+                store(trace, o, multiply_add(decay, e, multiply(d, load(source, old * S + s))))
+                even, odd = odd, multiply_add(load(source, new * S + s), w, even)
+                o += LANES
+            total = multiply_add(splat(real(1.0)), even, odd)
+            if i == n - 1:
+                store(ws.gradient, 0, total)
+            elif single_precision:
+                store(source, new * S + (first + i) * LANES, _tanh_lanes(total))
+            else:
+                store(source, new * S + (first + i) * LANES, total)
+                for lane in range(LANES):
+                    source[new, first + i, lane] = math.tanh(source[new, first + i, lane])
+
+    @njit(**options)
+    def backward(n: int, new: int, ws: Workspace) -> None:
+        """``delta`` of all neurons and ``gradient`` of all sources."""
+        weight, source, gradient = ws.weight, ws.source, ws.gradient
+        S = (m + n) * LANES
+        one = splat(real(1.0))
+        minus = splat(real(-1.0))
+        o = weight.size - (m + n) * LANES
+        for j in range(m + n):
+            store(gradient, j * LANES, load(weight, o + j * LANES))
+        store(ws.delta, (new * n + n - 1) * LANES, one)
+        for i in range(n - 2, -1, -1):
+            o -= (first + i) * LANES
+            y = load(source, new * S + (first + i) * LANES)
+            slope = multiply_add(multiply(minus, y), y, one)
+            d = multiply(slope, load(gradient, (first + i) * LANES))
+            store(ws.delta, (new * n + i) * LANES, d)
+            for j in range(first + i):
+                s = j * LANES
+                store(gradient, s, multiply_add(d, load(weight, o + s), load(gradient, s)))
+
+    @njit(**options)
+    def train(
+        constants: Any,
+        limits: Array,
+        initial_states: Array,
+        n_steps: int,
+        dt: float,
+        s_gamma: float,
+        s_lambda: Array,
+        n: int,
+        ws: Workspace,
+        statistics: Array,
+    ) -> None:
+        """Trials of all learners from ``initial_states`` (trials, LANES, p); means go to ``statistics`` (.., LANES, 3).
+
+        Traces and what is due must be zero at first; at the end of each trial the update that is due is done.
+        """
+        p, q = ws.B.shape[1:]
+        x, a, B, dVdx = ws.x, ws.a, ws.B, ws.dVdx
+        for trial in range(initial_states.shape[0]):
+            new = 0
+            for lane in range(LANES):
+                for i in range(p):
+                    x[lane, i] = initial_states[trial, lane, i]
+                for i in range(3):
+                    statistics[trial, lane, i] = 0.0
+            for _ in range(n_steps):
+                old, new = new, 1 - new
+                for lane in range(LANES):
+                    inputs(x[lane], ws.z)
+                    for j in range(m):
+                        ws.source[new, j, lane] = ws.z[j]
+                    ws.source[new, m, lane] = real(1.0)
+                forward(n, old, new, ws)
+                for lane in range(LANES):
+                    statistics[trial, lane, 0] += ws.gradient[0, lane]
+                    ws.decay[lane] = ws.gradient[0, lane]  # V, until the decay is known
+                backward(n, new, ws)
+                for lane in range(LANES):
+                    for j in range(m):
+                        ws.z[j] = ws.source[new, j, lane]
+                        ws.dVdz[j] = ws.gradient[j, lane]
+                    input_pullback(ws.z, ws.dVdz, dVdx)
+                    dynamics(constants, x[lane], a[lane], B[lane])
+                    r = reward(constants, x[lane])
+                    H = r - s_gamma * float(ws.decay[lane])
+                    for i in range(p):
+                        H += a[lane, i] * dVdx[i]
+                    for k in range(q):
+                        slope = 0.0
+                        for i in range(p):
+                            slope += B[lane, i, k] * dVdx[i]
+                        u = limits[k] if slope > 0 else (-limits[k] if slope < 0 else 0.0)
+                        H += u * slope
+                        for i in range(p):
+                            a[lane, i] += u * B[lane, i, k]
+                    for i in range(p):
+                        x[lane, i] += dt * a[lane, i]
+                    statistics[trial, lane, 1] += H * H
+                    statistics[trial, lane, 2] += r
+                    ws.gain[lane] = real(dt * H)
+                    ws.decay[lane] = real(1.0 - dt * (s_gamma + s_lambda[lane]))
+                    ws.step[lane] = real(dt)
+            forward(n, new, 1 - new, ws)
+            ws.trace[:] = 0
+            ws.gain[:] = 0
+            ws.step[:] = 0
+            for lane in range(LANES):
+                for i in range(3):
+                    statistics[trial, lane, i] /= n_steps
+
+    return _Kernel(train)
+
+
+def _time(learner: FusedTD) -> tuple[float, float]:
+    return learner.settings.dt, learner.settings.trial_duration
+
+
+class PopulationTD:
+    """Up to :data:`LANES` learners of one problem. Changes their networks, and with vario-eta their rates, in place.
+
+    Parameters
+    ----------
+    learners : sequence of FusedTD
+        With networks of one size and dtype. Their settings may differ in everything but time.
+    """
+
+    def __init__(self, learners: Sequence[FusedTD]) -> None:
+        if not 1 <= len(learners) <= LANES:
+            raise ValueError(f"a population has 1 to {LANES} learners, got {len(learners)}")
+        (learner, *others) = learners
+        network, problem = learner.network, learner.problem
+        for other in others:
+            if type(other.problem) is not type(problem) or other.problem.s_gamma != problem.s_gamma:
+                raise ValueError("learners of a population must have one problem and one s_gamma")
+            theirs = other.network.weight
+            if (theirs.shape, theirs.dtype) != (network.weight.shape, network.weight.dtype):
+                raise ValueError("networks of a population must have one size and one dtype")
+            if _time(other) != _time(learner):
+                raise ValueError("learners of a population must have one dt and one trial_duration")
+        self.learners = list(learners)
+        self.problem = problem
+        compiled = problem.compile()
+        assert compiled is not None  # or there would be no FusedTD of it
+        self._constants, *functions = compiled
+        self._limits = np.asarray(problem.control_limits, dtype=np.float64)
+        n, m, p, q = network.n_neurons, network.n_inputs, problem.state_size, len(self._limits)
+        dtype = network.weight.detach().numpy().dtype
+        self._connected = network.connected.numpy()
+        n_weights = int(self._connected.sum())
+        self._rate_each = any(learner.rate_each for learner in learners)
+        self._kernel = _compile(*functions, m, dtype == np.float32, self._rate_each)
+        shapes = (
+            (n_weights, LANES),
+            (n_weights, LANES),
+            (n_weights if self._rate_each else n, LANES),
+            (2, m + n, LANES),
+            (2, n, LANES),
+            (m + n, LANES),
+            *[(LANES,)] * 3,
+            (m + 1,),
+            (m,),
+        )
+        real = [aligned_zeros(shape, dtype) for shape in shapes]
+        state = [np.zeros(shape) for shape in ((p,), (LANES, p), (LANES, p), (LANES, p, q))]
+        self._ws = Workspace(*real, *state)
+        s_lambda = [learner.settings.s_lambda for learner in learners]
+        self._s_lambda = np.array(s_lambda + [0.0] * (LANES - len(learners)))
+
+    def _load(self, name: str) -> Real:
+        """Tensors ``name`` of the learners, as the kernel has them: (n_weights, LANES); idle lanes have zeros."""
+        tensors = [getattr(learner, name).numpy()[self._connected] for learner in self.learners]
+        idle = [np.zeros_like(tensors[0])] * (LANES - len(tensors))
+        return np.stack(tensors + idle, axis=-1)
+
+    def train(self, initial_states: Array) -> TrialStatistics:
+        """Trials of all learners, from ``initial_states`` (trials, learners, p); statistics are (trials, learners)."""
+        states = np.asarray(initial_states, dtype=np.float64)
+        count, p = len(self.learners), self.problem.state_size
+        if states.ndim != 3 or states.shape[1:] != (count, p):
+            raise ValueError(f"initial_states must have shape (trials, {count}, {p}), got {states.shape}")
+        states = np.ascontiguousarray(states[:, np.arange(LANES) % count])
+        ws, statistics = self._ws, np.empty((len(states), LANES, 3))
+        ws.weight[:] = self._load("weight")
+        rate = self._load("rate")
+        ws.rate[:] = rate if self._rate_each else rate[np.cumsum(self._connected.sum(axis=1)) - 1]
+        vario = [learner.settings.vario is not None for learner in self.learners]
+        stretch = 1 if any(vario) else max(len(states), 1)
+        for k in range(0, len(states), stretch):
+            before = ws.weight.copy() if any(vario) else None
+            self._train(states[k : k + stretch], statistics[k : k + stretch])
+            if before is not None:
+                self._adapt(before)
+        for lane, learner in enumerate(self.learners):
+            learner.weight.numpy()[self._connected] = ws.weight[:, lane]
+            if self._rate_each:
+                learner.rate.numpy()[self._connected] = ws.rate[:, lane]
+        return TrialStatistics(*np.moveaxis(statistics[:, :count], -1, 0))
+
+    def _train(self, states: Array, statistics: Array) -> None:
+        settings = self.learners[0].settings
+        self._kernel.train(
+            self._constants,
+            self._limits,
+            states,
+            settings.steps_per_trial,
+            settings.dt,
+            self.problem.s_gamma,
+            self._s_lambda,
+            self.learners[0].network.n_neurons,
+            self._ws,
+            statistics,
+        )
+
+    def _adapt(self, before: Real) -> None:
+        """Vario-eta after a trial, for the learners that have it."""
+        for lane, learner in enumerate(self.learners):
+            settings, vario = learner.settings, learner.settings.vario
+            if vario is None:
+                continue
+            variance = learner.variance.numpy()
+            change = self._ws.weight[:, lane] - before[:, lane]
+            v = vario_eta.variance(variance[self._connected], change, self._ws.rate[:, lane], vario.beta)
+            variance[self._connected] = v
+            base = learner.base_rate.numpy()[self._connected]
+            self._ws.rate[:, lane] = base * vario_eta.learning_rate(v, settings.eta, vario.epsilon)
