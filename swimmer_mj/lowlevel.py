@@ -21,7 +21,9 @@ __all__ = [
     "LANES",
     "add_lanes",
     "aligned_zeros",
+    "clamp",
     "cos_sin",
+    "divide",
     "load",
     "multiply",
     "multiply_add",
@@ -172,6 +174,28 @@ def multiply(typing_context: Any, a: Any, b: Any) -> Any:
         return builder.fmul(*args)
 
     return a(a, a), codegen
+
+
+@intrinsic
+def divide(typing_context: Any, a: Any, b: Any) -> Any:
+    """``divide(a, b)``: a / b, lane by lane."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.fdiv(*args)
+
+    return a(a, a), codegen
+
+
+@intrinsic
+def clamp(typing_context: Any, a: Any, low: Any, high: Any) -> Any:
+    """``clamp(a, low, high)``: a, or the bound that it is beyond, lane by lane."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        value, low, high = args
+        value = builder.select(builder.fcmp_ordered("<", value, low), low, value)
+        return builder.select(builder.fcmp_ordered(">", value, high), high, value)
+
+    return a(a, a, a), codegen
 
 
 @intrinsic
