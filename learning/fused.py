@@ -110,6 +110,8 @@ class Rollouts(NamedTuple):
 
 class _Kernel(NamedTuple):
     train: Callable[..., None]
+    forward: Callable[..., float]
+    backward: Callable[..., None]
     learn_once: Callable[..., tuple[float, float]]
     load_weights: Callable[..., None]
     store_weights: Callable[..., None]
@@ -222,13 +224,12 @@ def _compile(
                 weight[i, j] = ws.T[j, i]
                 trace[i, j] = ws.T_trace[j, i]
 
-    @njit(**options)
-    def value_and_gradients(x: Array, ws: Workspace) -> float:
-        """Do the update that is due, then V at ``x``; fills dVdx, and z, y and delta, whose product is dV/dW."""
-        n, R = ws.W.shape
+    @njit(forceinline=True, **options)
+    def forward(x: Array, ws: Workspace) -> float:
+        """Do the update that is due to ``T``, and return V at ``x``; fills z and y."""
         P = ws.T.shape[1]
-        hidden = n - 1
-        activation, gradient, gain = ws.activation, ws.gradient, ws.gain
+        hidden = ws.W.shape[0] - 1
+        activation, gain = ws.activation, ws.gain
         old = ws.now[0]
         new = 1 - old
         ws.now[0] = new
@@ -261,7 +262,18 @@ def _compile(
                 )
                 store(activation, j, multiply_add(y, w, load(activation, j)))
             activation_i += y_i * ws.T[first + i, i + 1]
+        return activation_i
 
+    @njit(forceinline=True, **options)
+    def backward(ws: Workspace) -> None:
+        """Do the update that is due to ``W``, and fill delta and dVdx."""
+        n, R = ws.W.shape
+        P = ws.T.shape[1]
+        hidden = n - 1
+        gradient, gain = ws.gradient, ws.gain
+        new = ws.now[0]
+        old = 1 - new
+        decay, step = splat(real(ws.pending[1])), real(ws.pending[2])
         ws.delta[new, hidden] = one
         d, g = splat(step * ws.delta[old, hidden]), splat(gain[hidden])
         for j in range(0, R, LANES):
@@ -284,11 +296,17 @@ def _compile(
             for j in range(LANES, P, LANES):
                 total = multiply_add(load(ws.T, k * P + j), load(ws.delta, new * P + j), total)
             ws.dVdz[k] = add_lanes(total)
-        input_pullback(z, ws.dVdz, ws.dVdx)
+        input_pullback(ws.z[new], ws.dVdz, ws.dVdx)
         nothing_due(ws)
-        return activation_i
 
-    @njit(**options)
+    @njit(forceinline=True, **options)
+    def value_and_gradients(x: Array, ws: Workspace) -> float:
+        """Do the update that is due, then V at ``x``; fills dVdx, and z, y and delta, whose product is dV/dW."""
+        V = forward(x, ws)
+        backward(ws)
+        return V
+
+    @njit(forceinline=True, **options)
     def decide(limits: Array, ws: Workspace) -> float:
         """The greedy control u and f = a + B u; returns dV/dx . f."""
         p, q = ws.B.shape
@@ -306,7 +324,7 @@ def _compile(
                 ws.f[i] += ws.u[k] * ws.B[i, k]
         return rate
 
-    @njit(**options)
+    @njit(forceinline=True, **options)
     def learn_once(
         dt: float, s_gamma: float, s_lambda: float, limits: Array, r: float, ws: Workspace
     ) -> tuple[float, float]:
@@ -428,7 +446,7 @@ def _compile(
             out[episode, 0] = gain / (n_steps - n_skip)
             out[episode, 1] = discounted
 
-    return _Kernel(train, learn_once, load_weights, store_weights, sample, rollout)
+    return _Kernel(train, forward, backward, learn_once, load_weights, store_weights, sample, rollout)
 
 
 def _workspace(n: int, m: int, p: int, q: int, dtype: Any, rate_each: bool) -> Workspace:

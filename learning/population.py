@@ -66,6 +66,8 @@ class Workspace(NamedTuple):
 
 class _Kernel(NamedTuple):
     train: Callable[..., None]
+    forward: Callable[..., None]
+    backward: Callable[..., None]
 
 
 @njit(fastmath=FAST, error_model="numpy", inline="always")
@@ -228,7 +230,7 @@ def _compile(
                 for i in range(3):
                     statistics[trial, lane, i] /= n_steps
 
-    return _Kernel(train)
+    return _Kernel(train, forward, backward)
 
 
 def _time(learner: FusedTD) -> tuple[float, float]:

@@ -160,7 +160,7 @@ def train(
         problem: What to learn.
         physics: Step the equations themselves, or the dm_control environment on MuJoCo (slower).
         engine: One compiled learner at a time, up to 16 of them in the lanes of a processor's vectors, or the readable
-            reference in torch (slow). The default is population for more than 4 seeds, which is then faster, else fused.
+            reference in torch (slow). The default is population for more than 4 seeds, then the faster, else fused.
         neurons: Neurons of the cascade, the output counted (paper: 60).
         eta: Learning rate (paper: 0.01; 0.04 learns in a tenth of the trials).
         s_gamma: Shortness factor, 1/s.
