@@ -155,11 +155,13 @@ def _compile(
     m: int,
     single_precision: bool,
     rate_each: bool,
+    logistic: bool,
 ) -> _Kernel:
     """Compile the kernel for a problem with ``m`` network inputs; rates are each neuron's, or each weight's."""
     real: Any = np.float32 if single_precision else np.float64
     tanh = _tanh32 if single_precision else _tanh64
     one = real(1.0)
+    half = real(0.5)
     first = m + 1  # index of the first hidden neuron among the sources
 
     options: dict[str, Any] = {"fastmath": FAST, "error_model": "numpy", "nogil": True}
@@ -251,7 +253,7 @@ def _compile(
             store(activation, j, total)
         activation_i = activation[0]
         for i in range(hidden):
-            y_i = tanh(activation_i)
+            y_i = half + half * tanh(half * activation_i) if logistic else tanh(activation_i)
             ws.y[new, i] = y_i
             y, d = splat(y_i), splat(step * ws.y[old, i])
             activation_i = activation[i + 1]
@@ -282,7 +284,7 @@ def _compile(
         gradient_i = gradient[hidden - 1]
         for i in range(hidden - 1, -1, -1):
             y_i = ws.y[new, i]
-            delta_i = (one - y_i * y_i) * gradient_i
+            delta_i = ((y_i if logistic else one) - y_i * y_i) * gradient_i
             d, g = splat(step * ws.delta[old, i]), splat(gain[i])
             ws.delta[new, i] = delta_i
             slope = splat(delta_i)
@@ -495,7 +497,8 @@ class FusedTD:
         (base,) = network.learning_rates(1.0, settings.output_scaling)
         alike = torch.equal(base, base[:, :1] * network.connected)
         self.rate_each = rate_each = settings.vario is not None or not alike
-        self._kernel = _compile(*functions, problem.n_inputs, dtype == torch.float32, rate_each)
+        kind = (dtype == torch.float32, rate_each, network.sigmoid == "logistic")
+        self._kernel = _compile(*functions, problem.n_inputs, *kind)
         self.trace = torch.zeros_like(network.weight.data)
         self.base_rate = base
         self.variance = torch.full_like(base, settings.vario.initial_variance if settings.vario else 0.0)

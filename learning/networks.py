@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Literal
 
 import torch
 from torch import Tensor, nn
@@ -50,6 +51,8 @@ class Cascade(ValueNetwork):
         Source of the initial weights.
     dtype : torch.dtype
         float32 or float64.
+    sigmoid : {"tanh", "logistic"}
+        Of the hidden neurons.
     """
 
     def __init__(
@@ -59,10 +62,14 @@ class Cascade(ValueNetwork):
         *,
         generator: torch.Generator | None = None,
         dtype: torch.dtype = torch.float32,
+        sigmoid: Literal["tanh", "logistic"] = "tanh",
     ) -> None:
         super().__init__()
         _require_positive(n_inputs, "n_inputs")
         _require_positive(n_neurons, "n_neurons")
+        if sigmoid not in ("tanh", "logistic"):
+            raise ValueError(f"sigmoid must be 'tanh' or 'logistic', got {sigmoid!r}")
+        self.sigmoid = sigmoid
         self.n_inputs = n_inputs
         self.n_neurons = n_neurons
         sources = n_inputs + 1 + n_neurons - 1
@@ -78,10 +85,11 @@ class Cascade(ValueNetwork):
     def forward(self, z: Tensor) -> Tensor:
         """V, shape (...), of inputs ``z``, shape (..., m)."""
         first = self.n_inputs + 1
+        fire = torch.tanh if self.sigmoid == "tanh" else torch.sigmoid
         columns = self.weight.T
         activation = z @ columns[: self.n_inputs] + columns[self.n_inputs]  # of all neurons, as far as heard
         for i in range(self.n_neurons - 1):
-            y = torch.tanh(activation[..., i : i + 1])
+            y = fire(activation[..., i : i + 1])
             activation = activation + y * columns[first + i]
         return activation[..., -1]
 

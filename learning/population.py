@@ -99,6 +99,7 @@ def _compile(
     m: int,
     single_precision: bool,
     rate_each: bool,
+    logistic: bool,
 ) -> _Kernel:
     """Compile the kernel for a problem with ``m`` network inputs; rates are each neuron's, or each weight's."""
     real: Any = np.float32 if single_precision else np.float64
@@ -131,12 +132,19 @@ def _compile(
             total = multiply_add(splat(real(1.0)), even, odd)
             if i == n - 1:
                 store(ws.gradient, 0, total)
-            elif single_precision:
-                store(source, new * S + (first + i) * LANES, _tanh_lanes(total))
+                continue
+            s = new * S + (first + i) * LANES
+            half = splat(real(0.5))
+            if logistic:
+                total = multiply(half, total)
+            if single_precision:
+                store(source, s, _tanh_lanes(total))
             else:
-                store(source, new * S + (first + i) * LANES, total)
+                store(source, s, total)
                 for lane in range(LANES):
                     source[new, first + i, lane] = math.tanh(source[new, first + i, lane])
+            if logistic:
+                store(source, s, multiply_add(half, load(source, s), half))
 
     @njit(**options)
     def backward(n: int, new: int, ws: Workspace) -> None:
@@ -152,7 +160,7 @@ def _compile(
         for i in range(n - 2, -1, -1):
             o -= (first + i) * LANES
             y = load(source, new * S + (first + i) * LANES)
-            slope = multiply_add(multiply(minus, y), y, one)
+            slope = multiply_add(multiply(minus, y), y, y if logistic else one)
             d = multiply(slope, load(gradient, (first + i) * LANES))
             store(ws.delta, (new * n + i) * LANES, d)
             for j in range(first + i):
@@ -233,6 +241,10 @@ def _compile(
     return _Kernel(train, forward, backward)
 
 
+def _kind(learner: FusedTD) -> tuple[object, ...]:
+    return learner.weight.shape, learner.weight.dtype, learner.network.sigmoid
+
+
 def _time(learner: FusedTD) -> tuple[float, float]:
     return learner.settings.dt, learner.settings.trial_duration
 
@@ -254,9 +266,8 @@ class PopulationTD:
         for other in others:
             if type(other.problem) is not type(problem) or other.problem.s_gamma != problem.s_gamma:
                 raise ValueError("learners of a population must have one problem and one s_gamma")
-            theirs = other.network.weight
-            if (theirs.shape, theirs.dtype) != (network.weight.shape, network.weight.dtype):
-                raise ValueError("networks of a population must have one size and one dtype")
+            if _kind(other) != _kind(learner):
+                raise ValueError("networks of a population must have one size, one dtype and one sigmoid")
             if _time(other) != _time(learner):
                 raise ValueError("learners of a population must have one dt and one trial_duration")
         self.learners = list(learners)
@@ -270,7 +281,8 @@ class PopulationTD:
         self._connected = network.connected.numpy()
         n_weights = int(self._connected.sum())
         self._rate_each = any(learner.rate_each for learner in learners)
-        self._kernel = _compile(*functions, m, dtype == np.float32, self._rate_each)
+        kind = (dtype == np.float32, self._rate_each, network.sigmoid == "logistic")
+        self._kernel = _compile(*functions, m, *kind)
         shapes = (
             (n_weights, LANES),
             (n_weights, LANES),

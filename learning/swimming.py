@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from swimmer_mj import state as st
 from swimmer_mj.analytic import AnalyticSwimmer
 from swimmer_mj.dynamics import Dynamics
-from swimmer_mj.initial_states import random_initial_state
+from swimmer_mj.initial_states import InitialLaw, random_initial_state
 from swimmer_mj.integrators import euler_step, rk4_step
 from swimmer_mj.learning.problem import CompiledProblem
 from swimmer_mj.lowlevel import cos_sin
@@ -31,6 +31,10 @@ Array = NDArray[np.float64]
 
 RATE_SCALE = 0.2
 """theta' is scaled by this as a network input, so that it is of order one (chosen)."""
+
+
+TURN = 2 * math.pi
+"""rad."""
 
 
 class Swimming:
@@ -46,6 +50,10 @@ class Swimming:
         Who computes drift and control matrix; :class:`AnalyticSwimmer` by default.
     integrator : "euler" or "rk4"
         "euler" steps the reduced variables (section 4); "rk4" steps the full state, as MuJoCo's RK4 does.
+    encoding : {"circle", "angle"}
+        Inputs for each angle: its cosine and sine (chosen), or the angle itself in [-pi, pi].
+    initial_law : InitialLaw
+        See :func:`swimmer_mj.initial_states.random_initial_state`.
     """
 
     def __init__(
@@ -54,6 +62,9 @@ class Swimming:
         s_gamma: float = 1.0,
         dynamics: Dynamics | None = None,
         integrator: Literal["euler", "rk4"] = "euler",
+        *,
+        encoding: Literal["circle", "angle"] = "circle",
+        initial_law: InitialLaw = "moderate",
     ) -> None:
         if parameters.n_links < 2:
             raise ValueError(
@@ -63,6 +74,10 @@ class Swimming:
             raise ValueError(f"s_gamma must be positive and finite, got {s_gamma!r}")
         if integrator not in ("euler", "rk4"):
             raise ValueError(f"integrator must be 'euler' or 'rk4', got {integrator!r}")
+        if encoding not in ("circle", "angle"):
+            raise ValueError(f"encoding must be 'circle' or 'angle', got {encoding!r}")
+        self.encoding = encoding
+        self.initial_law: InitialLaw = initial_law
         self.parameters = parameters
         self.s_gamma = s_gamma
         self.dynamics: Dynamics = AnalyticSwimmer(parameters) if dynamics is None else dynamics
@@ -80,8 +95,8 @@ class Swimming:
 
     @property
     def n_inputs(self) -> int:
-        """3n + 2: cos and sin of each angle, each angular velocity, the velocity of the centre of mass."""
-        return 3 * self.parameters.n_links + 2
+        """3n + 2: cos and sin of each angle, each angular velocity, the velocity; 2n + 2 with raw angles."""
+        return (3 if self.encoding == "circle" else 2) * self.parameters.n_links + 2
 
     @property
     def control_limits(self) -> Array:
@@ -117,23 +132,26 @@ class Swimming:
 
     def initial_states(self, rng: np.random.Generator, count: int) -> Array:
         """Random initial states, shape (count, 2n + 2); see :mod:`swimmer_mj.initial_states`."""
-        return random_initial_state(rng, self.parameters.n_links, size=count)
+        return random_initial_state(rng, self.parameters.n_links, size=count, law=self.initial_law)
 
     def inputs(self, x: torch.Tensor) -> torch.Tensor:
-        """cos theta, sin theta, theta' scaled, dG; shape (..., 3n + 2)."""
+        """cos theta, sin theta (or theta), theta' scaled, dG; shape (..., 3n + 2)."""
         n = self.parameters.n_links
         theta, theta_dot, velocity = x[..., :n], x[..., n : 2 * n], x[..., 2 * n :]
+        if self.encoding == "angle":
+            wrapped = theta - TURN * torch.round(theta / TURN)
+            return torch.cat([wrapped, RATE_SCALE * theta_dot, velocity], dim=-1)
         return torch.cat([torch.cos(theta), torch.sin(theta), RATE_SCALE * theta_dot, velocity], dim=-1)
 
     def compile(self) -> CompiledProblem:
         """The swimmer for the fused kernel, with the reduced equations of :mod:`swimmer_mj.reduced`."""
         n = self.parameters.n_links
-        functions = _compiled_functions(n)
+        functions = _compiled_functions(n, self.encoding == "circle")
         return CompiledProblem(reduced_constants(self.parameters), compile_reduced_dynamics(n), *functions)
 
 
 @lru_cache(maxsize=16)
-def _compiled_functions(n: int) -> tuple[Any, Any, Any]:
+def _compiled_functions(n: int, circle: bool) -> tuple[Any, Any, Any]:
     @njit(error_model="numpy")
     def reward(constants: Any, x: Array) -> float:
         return x[2 * n]
@@ -154,4 +172,20 @@ def _compiled_functions(n: int) -> tuple[Any, Any, Any]:
         dVdx[2 * n] = dVdz[3 * n]
         dVdx[2 * n + 1] = dVdz[3 * n + 1]
 
-    return reward, inputs, input_pullback
+    @njit(error_model="numpy")
+    def angle_inputs(x: Array, z: NDArray[Any]) -> None:
+        for i in range(n):
+            z[i] = x[i] - TURN * np.rint(x[i] / TURN)
+            z[n + i] = RATE_SCALE * x[n + i]
+        z[2 * n] = x[2 * n]
+        z[2 * n + 1] = x[2 * n + 1]
+
+    @njit(error_model="numpy")
+    def angle_pullback(z: NDArray[Any], dVdz: NDArray[Any], dVdx: Array) -> None:
+        for i in range(n):
+            dVdx[i] = dVdz[i]
+            dVdx[n + i] = RATE_SCALE * dVdz[n + i]
+        dVdx[2 * n] = dVdz[2 * n]
+        dVdx[2 * n + 1] = dVdz[2 * n + 1]
+
+    return (reward, inputs, input_pullback) if circle else (reward, angle_inputs, angle_pullback)

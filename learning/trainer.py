@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from swimmer_mj import suite
 from swimmer_mj.dynamics import MujocoSwimmer
 from swimmer_mj.files import replacing
+from swimmer_mj.initial_states import InitialLaw
 from swimmer_mj.learning.checkpoint import load_checkpoint, save_checkpoint
 from swimmer_mj.learning.continuous_td import ContinuousTD, Learner, Moment, TDSettings
 from swimmer_mj.learning.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
@@ -72,6 +73,9 @@ class TrainConfig:
     td: TDSettings = field(default_factory=lambda: TDSettings(eta=0.04))
     neurons: int = PAPER_NEURONS
     dtype: Literal["float32", "float64"] = "float32"
+    sigmoid: Literal["tanh", "logistic"] = "tanh"
+    encoding: Literal["circle", "angle"] = "circle"
+    initial_law: InitialLaw = "moderate"
     engine: Literal["fused", "population", "torch"] = "fused"
     """One compiled learner, one of a pack of them, or the readable reference; equal but for rounding."""
     physics: Literal["analytic", "mujoco"] = "analytic"
@@ -102,12 +106,20 @@ class TrainConfig:
         if self.problem == "pendulum":
             return Pendulum(s_gamma=self.s_gamma)
         dynamics = MujocoSwimmer(self.parameters) if self.physics == "mujoco" else None
-        return Swimming(self.parameters, self.s_gamma, dynamics)
+        return Swimming(
+            self.parameters, self.s_gamma, dynamics, encoding=self.encoding, initial_law=self.initial_law
+        )
 
     def make_network(self, problem: ControlProblem) -> Cascade:
         """The network with its initial weights, which follow from the seed."""
         generator = torch.Generator().manual_seed(self.seed)
-        return Cascade(problem.n_inputs, self.neurons, generator=generator, dtype=getattr(torch, self.dtype))
+        return Cascade(
+            problem.n_inputs,
+            self.neurons,
+            generator=generator,
+            dtype=getattr(torch, self.dtype),
+            sigmoid=self.sigmoid,
+        )
 
     def to_json(self) -> dict[str, Any]:
         """The configuration as JSON values, with the version that wrote it."""

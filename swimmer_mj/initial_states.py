@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
 from swimmer_mj import state as st
 
-__all__ = ["random_initial_state"]
+__all__ = ["InitialLaw", "random_initial_state"]
+
+InitialLaw = Literal["moderate", "rest", "fast", "straight"]
 
 MAX_ANGULAR_VELOCITY = 1.0
 """rad/s. The paper says no more than "random"; this and the next bound are ours (chosen)."""
@@ -17,12 +21,16 @@ MAX_VELOCITY = 0.3
 
 
 def random_initial_state(
-    rng: np.random.Generator | np.random.RandomState, n_links: int, size: int | None = None
+    rng: np.random.Generator | np.random.RandomState,
+    n_links: int,
+    size: int | None = None,
+    law: InitialLaw = "moderate",
 ) -> NDArray[np.float64]:
     """Reduced states with independent, uniformly distributed components.
 
     Angles lie in [-pi, pi], angular velocities in [-1, 1] rad/s, and both components of the velocity of the
-    centre of mass in [-0.3, 0.3] m/s. The paper's trials start "from random states"; the law is ours.
+    centre of mass in [-0.3, 0.3] m/s. The paper's trials start "from random states"; the law is ours. The other laws
+    are there to see how much it matters to learning.
 
     Parameters
     ----------
@@ -32,13 +40,24 @@ def random_initial_state(
         Number of links n.
     size : int, optional
         How many states.
+    law : {"moderate", "rest", "fast", "straight"}
+        As above, without any velocity, with bounds of velocities three times as large, or at rest with all links within
+        0.5 rad of one direction.
 
     Returns
     -------
     ndarray, shape (2n + 2,) or (size, 2n + 2)
         See :mod:`swimmer_mj.state`.
     """
+    pace = {"moderate": 1.0, "rest": 0.0, "fast": 3.0, "straight": 0.0}.get(law)
+    if pace is None:
+        raise ValueError(f"law must be 'moderate', 'rest', 'fast' or 'straight', got {law!r}")
     bound = st.join_reduced(
-        np.full(n_links, np.pi), np.full(n_links, MAX_ANGULAR_VELOCITY), np.full(2, MAX_VELOCITY)
+        np.full(n_links, 0.5 if law == "straight" else np.pi),
+        np.full(n_links, pace * MAX_ANGULAR_VELOCITY),
+        np.full(2, pace * MAX_VELOCITY),
     )
-    return rng.uniform(-bound, bound, size=bound.shape if size is None else (size, *bound.shape))
+    states = rng.uniform(-bound, bound, size=bound.shape if size is None else (size, *bound.shape))
+    if law == "straight":
+        states[..., :n_links] += rng.uniform(-np.pi, np.pi, size=(*states.shape[:-1], 1))
+    return states

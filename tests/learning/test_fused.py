@@ -13,6 +13,7 @@ from swimmer_mj.learning.fused import FusedTD
 from swimmer_mj.learning.networks import Cascade, Multilayer
 from swimmer_mj.learning.pendulum import Pendulum
 from swimmer_mj.learning.policy import GreedyPolicy
+from swimmer_mj.learning.population import PopulationTD
 from swimmer_mj.learning.swimming import Swimming
 from swimmer_mj.learning.vario_eta import VarioEta
 from swimmer_mj.parameters import PAPER, SwimmerParameters
@@ -54,6 +55,23 @@ def test_agrees_with_the_reference_after_500_online_steps(parameters, s_lambda):
     assert statistics.value[0] == pytest.approx(np.mean([m.value for m in moments]), rel=1e-9)
     squared = np.mean([m.hamiltonian**2 for m in moments])
     assert statistics.squared_hamiltonian[0] == pytest.approx(squared, rel=1e-9)
+
+
+def test_agrees_with_the_reference_with_logistic_neurons_and_raw_angles():
+    problem = Swimming(UNEQUAL, encoding="angle")
+    assert problem.n_inputs == 12
+    network = network_for(problem, 20)
+    network.sigmoid = "logistic"
+    twin, third = copy.deepcopy(network), copy.deepcopy(network)
+    settings = TDSettings(eta=0.04, trial_duration=1.0)
+    start = problem.initial_states(np.random.default_rng(0), 1)
+    ContinuousTD(problem, network, settings).run_trial(start[0])
+    FusedTD(problem, twin, settings).train(start)
+    assert (network.weight - twin.weight).abs().max() < 1e-11
+    population = PopulationTD([FusedTD(problem, third, settings)])
+    population.train(start[:, None])
+    assert (network.weight - third.weight).abs().max() < 1e-11
+    assert not torch.equal(network.weight, network_for(problem, 20).weight)
 
 
 def test_agrees_with_the_reference_under_vario_eta():

@@ -48,11 +48,12 @@ def test_a_single_link_has_reduced_dynamics_too():
     )
 
 
-def test_inputs_and_their_pullback_agree_with_autograd():
-    problem = Swimming(unequal(4))
+@pytest.mark.parametrize("encoding", ["circle", "angle"])
+def test_inputs_and_their_pullback_agree_with_autograd(encoding):
+    problem = Swimming(unequal(4), encoding=encoding)
     compiled = problem.compile()
     rng = np.random.default_rng(0)
-    for x in problem.initial_states(rng, 10):
+    for x in 3 * problem.initial_states(rng, 10):  # some angles beyond pi
         z, dVdx = np.zeros(problem.n_inputs), np.zeros(problem.state_size)
         compiled.inputs(x, z)
         state = torch.tensor(x, requires_grad=True)
@@ -62,6 +63,8 @@ def test_inputs_and_their_pullback_agree_with_autograd():
         compiled.input_pullback(z, dVdz, dVdx)
         (expected_dVdx,) = torch.autograd.grad(expected @ torch.tensor(dVdz), state)
         assert dVdx == pytest.approx(expected_dVdx.numpy(), rel=1e-12)
+        turned = x + 2 * np.pi * np.concatenate([[1.0, -1.0, 2.0, 0.0], np.zeros(6)])
+        assert problem.inputs(torch.tensor(turned)).numpy() == pytest.approx(z, rel=1e-9)
 
 
 def test_euler_step_is_first_order_in_the_reduced_variables():

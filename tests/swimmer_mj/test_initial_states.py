@@ -22,3 +22,18 @@ def test_one_state_is_the_first_of_many():
     many = random_initial_state(np.random.default_rng(1), 5, 4)
     assert one.shape == (12,)
     np.testing.assert_array_equal(one, many[0])
+
+
+def test_other_laws():
+    rng = np.random.default_rng(2)
+    rest, fast, straight = (random_initial_state(rng, 4, 1000, law) for law in ("rest", "fast", "straight"))
+    assert (rest[:, 4:] == 0).all()
+    assert np.abs(rest[:, :4]).max() > 3.1
+    assert 2.9 < np.abs(fast[:, 4:8]).max() <= 3.0
+    assert 0.8 < np.abs(fast[:, 8:]).max() <= 0.9
+    assert (straight[:, 4:] == 0).all()
+    bends = straight[:, :4] - straight[:, :1]
+    assert 0.9 < np.abs(bends).max() <= 1.0
+    assert np.abs(straight[:, 0]).max() > 3.0
+    with pytest.raises(ValueError, match="law must be 'moderate', 'rest', 'fast' or 'straight', got 'wild'"):
+        random_initial_state(rng, 4, law="wild")
