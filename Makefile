@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DELETE_ON_ERROR:
-.PHONY: setup demo test check lint types bench clean
+.PHONY: setup demo test check lint types bench figures clean
 
 setup: $(STAMP)
 
@@ -31,6 +31,9 @@ check: lint types test
 bench: setup
 	$(BIN)/swimmer-mj bench
 
+figures: setup
+	$(BIN)/swimmer-mj figures
+
 clean:
-	rm -rf $(VENV) build dist runs *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist runs figures *.egg-info .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -48,7 +48,7 @@ from swimmer_mj.lowlevel import (
     store,
 )
 
-__all__ = ["FusedTD", "SampleStatistics", "TrialStatistics"]
+__all__ = ["FusedTD", "Rollouts", "SampleStatistics", "TrialStatistics"]
 
 Array = NDArray[np.float64]
 Real = NDArray[Any]  # the learner's dtype
@@ -378,6 +378,8 @@ def _compile(
             if beta > 0:
                 for i in range(n):
                     for j in range(first + i):
+                        if base_rate[i, j] == 0:
+                            continue
                         change = (ws.T[j, i] - weight[i, j]) / rate[i, j]
                         v = (one - real(beta)) * variance[i, j] + real(beta) * change * change
                         variance[i, j] = v
@@ -474,9 +476,19 @@ class FusedTD:
         V_w, in float32 or float64.
     settings : TDSettings
         The algorithm's constants.
+    rate_each : bool
+        Keep a rate for each weight although neither settings nor network ask for it: then ``rate`` may be set from
+        outside, between calls of :meth:`train`. A rate for each neuron is faster.
     """
 
-    def __init__(self, problem: ControlProblem, network: Cascade, settings: TDSettings | None = None) -> None:
+    def __init__(
+        self,
+        problem: ControlProblem,
+        network: Cascade,
+        settings: TDSettings | None = None,
+        *,
+        rate_each: bool = False,
+    ) -> None:
         if not isinstance(network, Cascade):
             raise TypeError(
                 f"the fused kernel learns Cascade networks, got {type(network).__name__}; use ContinuousTD"
@@ -496,7 +508,7 @@ class FusedTD:
         self._constants = constants
         (base,) = network.learning_rates(1.0, settings.output_scaling)
         alike = torch.equal(base, base[:, :1] * network.connected)
-        self.rate_each = rate_each = settings.vario is not None or not alike
+        self.rate_each = rate_each = rate_each or settings.vario is not None or not alike
         kind = (dtype == torch.float32, rate_each, network.sigmoid == "logistic")
         self._kernel = _compile(*functions, problem.n_inputs, *kind)
         self.trace = torch.zeros_like(network.weight.data)

@@ -384,6 +384,42 @@ def validate(seed: int = 0, html: Path | None = None, json: bool = False) -> Non
 
 
 @_command
+def figures(
+    names: Positional[tuple[str, ...]] = (),
+    rerun: bool = False,
+    out: Path = Path("figures"),
+    json: bool = False,
+) -> None:
+    """Draw the paper's figures and claims, from the logs that come with the package or from scratch.
+
+    Args:
+        names: Which; all of them by default, and their names where one is unknown.
+        rerun: Compute the logs anew, in the directory logs within out (docs/reproduction.md says how long each takes).
+        out: Directory of the pictures.
+        json: Print one JSON object.
+    """
+    from swimmer_mj.learning.experiments import EXPERIMENTS, LOGS
+    from swimmer_mj.render.figures import save_figure
+    from swimmer_mj.render.reproduction import FIGURES
+
+    for name in names:
+        if name not in FIGURES:
+            raise ValueError(f"there is no figure {name!r}; there are {', '.join(FIGURES)}")
+    console = _console(json)
+    logs = out / "logs" if rerun else LOGS
+    pictures = {}
+    for name in names or FIGURES:
+        if rerun:
+            logs.mkdir(parents=True, exist_ok=True)
+            EXPERIMENTS[name].run(logs, report=lambda line: console.print(line, markup=False))
+        pictures[name] = out / f"{name}.png"
+        save_figure(FIGURES[name](logs), pictures[name])
+        console.print(f"{EXPERIMENTS[name].description}: {pictures[name]}", markup=False)
+    if json:
+        _print_json({"pictures": {name: str(path) for name, path in pictures.items()}})
+
+
+@_command
 def bench(json: bool = False) -> None:
     """Steps per second of MuJoCo and of the learners, timed in one run.
 

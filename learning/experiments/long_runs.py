@@ -1,25 +1,26 @@
 """The long runs behind figure 2: 3, 4 and 5 links, the paper's learning rate and a larger one, eight seeds each.
 
-    python -m swimmer_mj.learning.experiments.long_runs --out runs [--names swim5] [--seconds 3600]
+    swimmer-mj figures figure-2 --rerun --out DIRECTORY
 
 starts what is not there and goes on with what is, until each run has its trials. The sixteen runs of a swimmer are one
 pack of :mod:`swimmer_mj.learning.population`; what a run computes depends neither on interruptions nor on the others.
+To use a machine's cores, run the three swimmers at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import tyro
-from rich.console import Console
-
 from swimmer_mj.learning.continuous_td import TDSettings
-from swimmer_mj.learning.trainer import Report, TrainConfig, TrainingRun, train_together
+from swimmer_mj.learning.experiments.tables import LOGS, write_table
+from swimmer_mj.learning.trainer import LOG as METRICS_LOG
+from swimmer_mj.learning.trainer import Metrics, Report, TrainConfig, TrainingRun, train_together
 from swimmer_mj.parameters import SwimmerParameters
 
-__all__ = ["ETAS", "SEEDS", "SWIMMERS", "Swimmer", "configurations", "open_runs"]
+__all__ = ["ETAS", "SEEDS", "SWIMMERS", "Swimmer", "collect", "configurations", "open_runs", "run"]
 
 SEEDS = range(8)
 ETAS = {"paper": 0.01, "tuned": 0.04}
@@ -69,28 +70,31 @@ def open_runs(name: str, directory: Path) -> list[TrainingRun]:
     ]
 
 
-def main(out: Path, names: Sequence[str] = tuple(SWIMMERS), seconds: float | None = None) -> None:
-    """Go on with the long runs.
-
-    Args:
-        out: Directory of all runs.
-        names: Which swimmers, one after the other.
-        seconds: Stop after this time; what was learned since the last evaluation is then learned again.
-    """
-    console = Console()
-
-    def report(news: Report) -> None:
-        if news.metrics is not None:
-            row = news.metrics
-            console.print(
-                f"{news.run.directory} trial {row.trial:,} <V> {row.mean_value:.3f} speed {row.speed:.3f}"
-            )
-
-    for name in names:
-        train_together(
-            open_runs(name, out), trials=SWIMMERS[name].trials, seconds=seconds, report=report, workers=1
-        )
+def collect(name: str, runs: Path, log: Path) -> None:
+    """Write the metrics of all runs of a swimmer, as far as they have come, to one table."""
+    rows = []
+    for path, config in configurations(name).items():
+        preset = path.split("/")[0].removeprefix(f"{name}-")
+        metrics = runs / path / METRICS_LOG
+        if metrics.exists():
+            with metrics.open(newline="") as file:
+                for row in csv.DictReader(file):
+                    rows.append((preset, config.seed, *(float(row[column]) for column in Metrics._fields)))
+    write_table(log, ("preset", "seed", *Metrics._fields), rows)
 
 
-if __name__ == "__main__":
-    tyro.cli(main)
+def run(
+    name: str, directory: Path = LOGS, report: Callable[[str], None] = print, seconds: float | None = None
+) -> None:
+    """Go on with the runs of a swimmer in ``directory``/runs, for so many seconds or to their end; log beside."""
+
+    def news(news: Report) -> None:
+        if (row := news.metrics) is not None:
+            where = news.run.directory.relative_to(directory)
+            report(f"{where}: trial {row.trial:,}, <V> {row.mean_value:.3f} m, speed {row.speed:.3f} m/s")
+
+    runs = directory / "runs"
+    train_together(
+        open_runs(name, runs), trials=SWIMMERS[name].trials, seconds=seconds, report=news, workers=1
+    )
+    collect(name, runs, directory / f"{name}.csv")

@@ -1,0 +1,72 @@
+"""Experiments on the paper's claims: each recomputes its logs from scratch, with explicit seeds.
+
+``EXPERIMENTS[name].run(directory)`` writes the CSV files ``EXPERIMENTS[name].logs`` in a directory, by default that
+of the committed ones; ``swimmer_mj.render.reproduction.FIGURES[name](directory)`` draws them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from swimmer_mj.learning.experiments import (
+    figure_1,
+    hamiltonians,
+    linear_approximators,
+    section_3_3,
+    value_bias,
+)
+from swimmer_mj.learning.experiments.tables import LOGS
+
+__all__ = ["EXPERIMENTS", "LOGS", "Experiment"]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment."""
+
+    name: str
+    description: str
+    """One line."""
+    run: Callable[..., None]
+    """(directory, report=...): compute, and write the logs there; ``report`` is called with lines of news."""
+    logs: tuple[str, ...]
+    """File names."""
+
+
+EXPERIMENTS: dict[str, Experiment] = {
+    experiment.name: experiment
+    for experiment in (
+        Experiment(
+            "figure-1",
+            "weights of a 66-weight network on the pendulum: basic algorithm and vario-eta",
+            figure_1.run,
+            (figure_1.WEIGHTS_LOG, figure_1.REWARD_LOG),
+        ),
+        Experiment(
+            "section-3.3",
+            "noise of output connections over that of internal ones against the number of neurons",
+            section_3_3.run,
+            (section_3_3.LOG,),
+        ),
+        Experiment(
+            "linear",
+            "radial basis functions and tile coding: the pendulum, and their cost with more links",
+            linear_approximators.run,
+            (linear_approximators.LEARNING_LOG, linear_approximators.COST_LOG),
+        ),
+        Experiment(
+            "hamiltonian",
+            "H by dV/dx . f and by the finite difference along trajectories",
+            hamiltonians.run,
+            (hamiltonians.DT_LOG, hamiltonians.EPISODE_LOG, hamiltonians.LEARNING_LOG),
+        ),
+        Experiment(
+            "value-bias",
+            "bias and deviation of V against Monte Carlo returns during training",
+            value_bias.run,
+            (value_bias.TABLE_LOG, value_bias.STATES_LOG),
+        ),
+    )
+}
+"""All of them, by name."""

@@ -1,0 +1,136 @@
+"""What decides whether the swimmer learns: one choice changed at a time, eight seeds each.
+
+The baseline is 5 links, 60 neurons, eta 0.04 and the choices of docs/deviations.md. Every variant learns for the same
+simulated time, as many trials of its length as make up :data:`DURATION`; speed is the project's swimming speed, on the
+compiled equations (docs/metrics.md). A seed whose weights overflow is kept: it swims at the speed of a limp swimmer.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from swimmer_mj.learning.continuous_td import TDSettings
+from swimmer_mj.learning.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
+from swimmer_mj.learning.experiments.tables import LOGS, read_table, write_table
+from swimmer_mj.learning.fused import FusedTD
+from swimmer_mj.learning.population import LANES, PopulationTD
+from swimmer_mj.learning.trainer import TrainConfig, evaluation_sample
+
+__all__ = ["BASELINE", "LOG", "VARIANTS", "Variant", "run"]
+
+LOG = "what-decides.csv"
+COLUMNS = (
+    "factor",
+    "setting",
+    "seed",
+    "simulated_seconds",
+    "mean_value",
+    "mean_squared_hamiltonian",
+    "speed",
+)
+SEEDS = range(8)
+DURATION = 150_000.0
+"""Simulated time, s: 30,000 trials of 5 s."""
+
+EVALUATIONS = 5
+
+BASELINE = TrainConfig(td=TDSettings(eta=0.04))
+
+
+class Variant(NamedTuple):
+    """One choice made differently."""
+
+    factor: str
+    setting: str
+    config: TrainConfig
+
+
+def _variant(factor: str, setting: str, **changes: Any) -> Variant:
+    td = {name: changes.pop(name) for name in list(changes) if hasattr(BASELINE.td, name)}
+    config = dataclasses.replace(BASELINE, td=dataclasses.replace(BASELINE.td, **td), **changes)
+    return Variant(factor, setting, config)
+
+
+VARIANTS = (
+    _variant("baseline", "as chosen"),
+    *(_variant("eta", f"{eta:g}", eta=eta) for eta in (0.01, 0.02, 0.08, 0.16)),
+    *(_variant("s_lambda", f"{s:g}", s_lambda=s) for s in (0.0, 3.0, 10.0)),
+    *(_variant("s_gamma", f"{s:g}", s_gamma=s) for s in (0.3, 0.5, 2.0)),
+    *(_variant("trial length", f"{t:g} s", trial_duration=t) for t in (1.0, 2.5, 10.0)),
+    *(_variant("initial states", law, initial_law=law) for law in ("rest", "fast", "straight")),
+    _variant("angles", "raw", encoding="angle"),
+    _variant("sigmoid", "logistic", sigmoid="logistic"),
+    _variant("output rate", "not scaled", output_scaling=False),
+)
+
+
+def _packs(variants: Sequence[Variant]) -> list[list[tuple[Variant, int]]]:
+    """Learners (variant, seed) that can share a population, up to 16 a pack."""
+    alike: dict[TrainConfig, list[tuple[Variant, int]]] = {}
+    for variant in variants:
+        alike.setdefault(variant.config.common(), []).extend((variant, seed) for seed in SEEDS)
+    return [group[i : i + LANES] for group in alike.values() for i in range(0, len(group), LANES)]
+
+
+def _learn(pack: Sequence[tuple[Variant, int]], duration: float) -> list[tuple[str | float, ...]]:
+    """Rows of the log for one pack."""
+    configs = [dataclasses.replace(variant.config, seed=seed) for variant, seed in pack]
+    problem = configs[0].make_problem()
+    learners = [FusedTD(problem, config.make_network(problem), config.td) for config in configs]
+    population = PopulationTD(learners)
+    rngs = [np.random.default_rng(config.seed) for config in configs]
+    states, sample = (
+        evaluation_states(configs[0].parameters.n_links),
+        evaluation_sample(BASELINE.make_problem()),
+    )
+    trial_duration = configs[0].td.trial_duration
+    rows: list[tuple[str | float, ...]] = []
+    done = 0
+    for k in range(1, EVALUATIONS + 1):
+        total = round(k * duration / EVALUATIONS / trial_duration)
+        while done < total:
+            count = min(200, total - done)
+            population.train(np.stack([problem.initial_states(rng, count) for rng in rngs], axis=1))
+            done += count
+        for (variant, seed), learner in zip(pack, learners, strict=True):
+            judged = learner.sample(sample)
+            speed = learner.rollout(states, EPISODE_DURATION, skip=SETTLING_TIME).reward.mean()
+            rows.append(
+                (
+                    variant.factor,
+                    variant.setting,
+                    seed,
+                    done * trial_duration,
+                    float(judged.value.mean()),
+                    float((judged.hamiltonian**2).mean()),
+                    float(speed),
+                )
+            )
+    return rows
+
+
+def run(
+    directory: Path = LOGS,
+    report: Callable[[str], None] = print,
+    *,
+    variants: Sequence[Variant] = VARIANTS,
+    duration: float = DURATION,
+) -> None:
+    """Learn with every variant and seed. A finished pack is kept in a part of the log until all are done."""
+    packs = _packs(variants)
+    parts = [directory / f"{Path(LOG).stem}-part-{i}.csv" for i in range(len(packs))]
+    for pack, part in zip(packs, parts, strict=True):
+        if not part.exists():
+            write_table(part, COLUMNS, _learn(pack, duration))
+        named = dict.fromkeys(f"{variant.factor} {variant.setting}" for variant, _ in pack)
+        report(f"{part.name}: {', '.join(named)}")
+    tables = [read_table(part) for part in parts]
+    rows = [row for table in tables for row in zip(*(table[name].tolist() for name in COLUMNS), strict=True)]
+    write_table(directory / LOG, COLUMNS, rows)
+    for part in parts:
+        part.unlink()

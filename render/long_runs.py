@@ -1,0 +1,164 @@
+"""Figure 2 over many seeds, and what decides whether the swimmer learns: drawn from the logs of the experiments."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
+from numpy.typing import NDArray
+
+from swimmer_mj.learning.evaluation import mean_and_interval
+from swimmer_mj.learning.experiments import what_decides
+from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where
+from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, plain_axes
+
+__all__ = ["Peak", "draw_long_runs", "draw_what_decides", "peaks"]
+
+Array = NDArray[np.float64]
+Logs = str | os.PathLike[str]
+
+PRESETS = {"paper": (BLUE, r"$\eta$ = 0.01 (the paper's)"), "tuned": (ORANGE, r"$\eta$ = 0.04")}
+
+
+class Peak(NamedTuple):
+    """The best of one run, and what became of it."""
+
+    seed: int
+    peak: float
+    """Highest speed at an evaluation, m/s."""
+    at: float
+    """Trials then."""
+    lowest_after: float
+    """Lowest speed at a later evaluation, m/s; the peak itself if it is the last."""
+    last: float
+    """Speed at the last evaluation, m/s."""
+    trials: float
+    """Trials at the last evaluation."""
+
+
+def peaks(table: Table, preset: str) -> list[Peak]:
+    """For each seed of a preset."""
+    found = []
+    for seed in np.unique(rows_where(table, preset=preset)["seed"]):
+        run = rows_where(table, preset=preset, seed=float(seed))
+        best = int(np.argmax(run["speed"]))
+        found.append(
+            Peak(
+                int(seed),
+                float(run["speed"][best]),
+                float(run["trial"][best]),
+                float(run["speed"][best:].min()),
+                float(run["speed"][-1]),
+                float(run["trial"][-1]),
+            )
+        )
+    return found
+
+
+def _runs(axes: Axes, table: Table, quantity: str, color: str, label: str) -> None:
+    """Median and interquartile band over seeds, as far as all have come; each seed faint behind."""
+    seeds = np.unique(table["seed"])
+    runs = [rows_where(table, seed=float(seed)) for seed in seeds]
+    for run in runs:
+        axes.plot(run["trial"], run[quantity], color=color, linewidth=0.5, alpha=0.35)
+    length = min(len(run["trial"]) for run in runs)
+    low, middle, high = np.quantile([run[quantity][:length] for run in runs], [0.25, 0.5, 0.75], axis=0)
+    at = runs[0]["trial"][:length]
+    axes.fill_between(at, low, high, color=color, alpha=0.18, linewidth=0)
+    axes.plot(at, middle, color=color, linewidth=1.8, label=f"{label}, {len(seeds)} seeds")
+
+
+def draw_long_runs(name: str, logs: Logs = LOGS) -> Figure:
+    """Mean value, mean squared Hamiltonian and speed against trials; below, the peak and the end of each seed."""
+    table = read_table(Path(logs) / f"{name}.csv")
+    present = [preset for preset in PRESETS if preset in table["preset"]]
+    figure = Figure(figsize=(8.0, 9.6), layout="constrained")
+    value, hamiltonian, speed, fall = figure.subplots(4, 1, height_ratios=[1, 1, 1.3, 1])
+    for axes in (value, hamiltonian, speed, fall):
+        plain_axes(axes)
+    for preset in present:
+        color, label = PRESETS[preset]
+        rows = rows_where(table, preset=preset)
+        for axes, quantity in (
+            (value, "mean_value"),
+            (hamiltonian, "mean_squared_hamiltonian"),
+            (speed, "speed"),
+        ):
+            _runs(axes, rows, quantity, color, label)
+    for axes in (hamiltonian, speed):
+        axes.sharex(value)
+    for axes in (value, hamiltonian, speed):
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+    hamiltonian.set_yscale("log")
+    value.set_ylabel(r"$\langle V \rangle_S$  (m)")
+    hamiltonian.set_ylabel(r"$\langle H^2 \rangle_S$  (m$^2$/s$^2$)")
+    speed.set_ylabel("swimming speed  (m/s)")
+    speed.set_xlabel("trials")
+    value.legend(frameon=False, fontsize=9, ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
+
+    ticks, names = [], []
+    x = 0
+    for preset in present:
+        color, _ = PRESETS[preset]
+        for run in peaks(table, preset):
+            fall.plot([x, x], [run.lowest_after, run.peak], color=color, linewidth=1.0, alpha=0.6)
+            fall.plot(x, run.peak, "o", color=color, markersize=5, label="peak" if x == 0 else None)
+            fall.plot(
+                x,
+                run.lowest_after,
+                "_",
+                color=color,
+                markersize=9,
+                label="lowest after it" if x == 0 else None,
+            )
+            fall.plot(
+                x,
+                run.last,
+                "D",
+                color=color,
+                markersize=4,
+                markerfacecolor="white",
+                label="last" if x == 0 else None,
+            )
+            ticks.append(x)
+            names.append(str(run.seed))
+            x += 1
+        x += 1
+    fall.set_xticks(ticks, names)
+    fall.set_xlabel("seed")
+    fall.set_ylabel("swimming speed  (m/s)")
+    fall.set_ylim(bottom=min(0.0, fall.get_ylim()[0]))
+    fall.legend(frameon=False, fontsize=9, ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
+    return figure
+
+
+def draw_what_decides(logs: Logs = LOGS) -> Figure:
+    """Speed at the end of learning with one choice changed: each seed, and the mean with its 95 % interval."""
+    table = read_table(Path(logs) / what_decides.LOG)
+    settings = list(dict.fromkeys(zip(table["factor"].tolist(), table["setting"].tolist(), strict=True)))
+    figure = Figure(figsize=(7.6, 0.3 * len(settings) + 1.4), layout="constrained")
+    axes = figure.subplots()
+    plain_axes(axes)
+    final = []
+    for factor, setting in settings:
+        rows = rows_where(table, factor=factor, setting=setting)
+        final.append(rows["speed"][rows["simulated_seconds"] == rows["simulated_seconds"].max()])
+    for y, speeds in enumerate(final):
+        mean, interval = mean_and_interval(speeds)
+        color = INK if y == 0 else BLUE
+        axes.plot(speeds, np.full(len(speeds), y), "|", color=GREY, markersize=9)
+        axes.plot(interval, [y, y], color=color, linewidth=2.2, solid_capstyle="butt")
+        axes.plot(mean, y, "o", color=color, markersize=6)
+    axes.axvline(float(np.mean(final[0])), color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
+    axes.set_yticks(range(len(settings)), [f"{factor}: {setting}" for factor, setting in settings])
+    axes.set_ylim(len(settings) - 0.4, -0.6)
+    seconds = float(table["simulated_seconds"].max())
+    axes.set_xlabel(
+        f"swimming speed after {seconds:,.0f} s of simulated time  (m/s); {len(final[0])} seeds, mean and 95 % interval"
+    )
+    return figure
