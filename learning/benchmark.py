@@ -23,7 +23,17 @@ from swimmer_mj.mjcf import mjcf
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 from swimmer_mj.viscous import viscous_friction
 
-__all__ = ["best_rates", "fused", "mj_step", "on_all_cores", "population", "reference", "run_benchmark"]
+__all__ = [
+    "best_rates",
+    "fused",
+    "mj_step",
+    "on_all_cores",
+    "population",
+    "reference",
+    "run_benchmark",
+    "swimming_learner",
+    "viscous_mj_step",
+]
 
 
 def best_rates(works: Mapping[str, Callable[[], int]], seconds: float) -> dict[str, float]:
@@ -41,9 +51,9 @@ def best_rates(works: Mapping[str, Callable[[], int]], seconds: float) -> dict[s
     return best
 
 
-def mj_step(viscous_friction_coefficient: float) -> Callable[[], int]:
-    """Bare mj_step of the 5-link model, Euler, from a loop in C."""
-    parameters = SwimmerParameters(viscous_friction=viscous_friction_coefficient)
+def mj_step(viscous_friction_coefficient: float, n_links: int = 5) -> Callable[[], int]:
+    """Bare mj_step, Euler, from a loop in C."""
+    parameters = SwimmerParameters(n_links=n_links, viscous_friction=viscous_friction_coefficient)
     model = mujoco.MjModel.from_xml_string(mjcf(parameters, integrator="Euler"))
     data = mujoco.MjData(model)
 
@@ -56,6 +66,17 @@ def mj_step(viscous_friction_coefficient: float) -> Callable[[], int]:
     return work
 
 
+def viscous_mj_step() -> Callable[[], int]:
+    """The same of the paper's swimmer, with the compiled friction."""
+    steps = mj_step(PAPER.viscous_friction)
+
+    def work() -> int:
+        with viscous_friction():
+            return steps()
+
+    return work
+
+
 def swimming_learner(seed: int, problem: Swimming | None = None, neurons: int = 60) -> FusedTD:
     """A learner of ``problem``, the paper's by default, with its first weights."""
     problem = Swimming(PAPER) if problem is None else problem
@@ -63,8 +84,8 @@ def swimming_learner(seed: int, problem: Swimming | None = None, neurons: int = 
     return FusedTD(problem, network, TDSettings(eta=0.01))
 
 
-def fused(seed: int, problem: Swimming | None = None, neurons: int = 60) -> Callable[[], int]:
-    """Work of one fused learner, a few hundredths of a second long; compiled when this returns."""
+def fused(seed: int, problem: Swimming | None = None, neurons: int = 60) -> Callable[..., int]:
+    """Work of one fused learner: a function of the number of trials; compiled when this returns."""
     learner = swimming_learner(seed, problem, neurons)
     rng = np.random.default_rng(seed)
 
@@ -76,7 +97,7 @@ def fused(seed: int, problem: Swimming | None = None, neurons: int = 60) -> Call
     return work
 
 
-def population(seed: int, problem: Swimming | None = None, neurons: int = 60) -> Callable[[], int]:
+def population(seed: int, problem: Swimming | None = None, neurons: int = 60) -> Callable[..., int]:
     """Likewise of a full pack of learners."""
     pack = PopulationTD([swimming_learner(LANES * seed + lane, problem, neurons) for lane in range(LANES)])
     rng = np.random.default_rng(seed)
@@ -129,16 +150,10 @@ def run_benchmark(seconds: float = 15.0) -> dict[str, float]:
     """
     torch.set_num_threads(1)
     cores = os.cpu_count() or 1
-    viscous = mj_step(PAPER.viscous_friction)
-
-    def viscous_step() -> int:
-        with viscous_friction():
-            return viscous()
-
     with ThreadPoolExecutor(cores) as pool:
         works = {
             "mj_step_per_s": mj_step(0.0),
-            "mj_step_viscous_per_s": viscous_step,
+            "mj_step_viscous_per_s": viscous_mj_step(),
             "learner_steps_per_s": fused(0),
             "population_steps_per_s": population(0),
             "learner_steps_per_s_total": on_all_cores(population, pool, cores),

@@ -26,6 +26,8 @@ from numpy.typing import NDArray
 
 from swimmer_mj.learning import vario_eta
 from swimmer_mj.learning.fused import FAST, FusedTD, TrialStatistics
+from swimmer_mj.learning.problem import ControlProblem
+from swimmer_mj.learning.swimming_lanes import compiled_lanes
 from swimmer_mj.lowlevel import (
     LANES,
     aligned_zeros,
@@ -42,6 +44,18 @@ __all__ = ["LANES", "PopulationTD"]
 
 Array = NDArray[np.float64]
 Real = NDArray[Any]  # the learners' dtype
+
+
+class LanesWorkspace(NamedTuple):
+    """For problems that are compiled for lanes: number i of each array stands at [i LANES, (i + 1) LANES)."""
+
+    x: Array  # (p)
+    f: Array  # (p)
+    u: Array  # (q)
+    dVdx: Array  # (p)
+    V: Array  # (1)
+    H: Array  # (1)
+    r: Array  # (1)
 
 
 class Workspace(NamedTuple):
@@ -62,10 +76,12 @@ class Workspace(NamedTuple):
     x: Array  # lane first: (LANES, p)
     a: Array  # (LANES, p)
     B: Array  # (LANES, p, q)
+    lanes: LanesWorkspace
 
 
 class _Kernel(NamedTuple):
     train: Callable[..., None]
+    train_lanes: Callable[..., None]
     forward: Callable[..., None]
     backward: Callable[..., None]
 
@@ -238,7 +254,76 @@ def _compile(
                 for i in range(3):
                     statistics[trial, lane, i] /= n_steps
 
-    return _Kernel(train, forward, backward)
+    @njit(**options)
+    def train_lanes(
+        constants: Any,
+        greedy: Any,
+        encode: Any,
+        pull_back: Any,
+        limits: Array,
+        initial_states: Array,
+        n_steps: int,
+        dt: float,
+        s_gamma: float,
+        s_lambda: Array,
+        n: int,
+        ws: Workspace,
+        statistics: Array,
+    ) -> None:
+        """As ``train``, for a problem that is compiled for lanes."""
+        p = ws.lanes.x.size // LANES
+        x, f, u, dVdx, V, H, r = ws.lanes
+        S = (m + n) * LANES
+        for trial in range(initial_states.shape[0]):
+            new = 0
+            for lane in range(LANES):
+                for i in range(p):
+                    x[i * LANES + lane] = initial_states[trial, lane, i]
+                for i in range(3):
+                    statistics[trial, lane, i] = 0.0
+            for _ in range(n_steps):
+                old, new = new, 1 - new
+                encode(constants, x, ws.source, new * S)
+                store(ws.source, new * S + m * LANES, splat(real(1.0)))
+                forward(n, old, new, ws)
+                for lane in range(LANES):
+                    V[lane] = ws.gradient[0, lane]
+                backward(n, new, ws)
+                pull_back(constants, ws.source, new * S, ws.gradient, dVdx)
+                greedy(constants, limits, x, dVdx, u, f, r)
+                step = splat(dt)
+                total = multiply_add(splat(-s_gamma), load(V, 0), load(r, 0))
+                for i in range(0, p * LANES, LANES):
+                    total = multiply_add(load(dVdx, i), load(f, i), total)
+                    store(x, i, multiply_add(step, load(f, i), load(x, i)))
+                store(H, 0, total)
+                for lane in range(LANES):
+                    statistics[trial, lane, 0] += V[lane]
+                    statistics[trial, lane, 1] += H[lane] * H[lane]
+                    statistics[trial, lane, 2] += r[lane]
+                    ws.gain[lane] = real(dt * H[lane])
+                    ws.decay[lane] = real(1.0 - dt * (s_gamma + s_lambda[lane]))
+                    ws.step[lane] = real(dt)
+            forward(n, new, 1 - new, ws)
+            ws.trace[:] = 0
+            ws.gain[:] = 0
+            ws.step[:] = 0
+            for lane in range(LANES):
+                for i in range(3):
+                    statistics[trial, lane, i] /= n_steps
+
+    return _Kernel(train, train_lanes, forward, backward)
+
+
+def _same_problem(a: ControlProblem, b: ControlProblem) -> bool:
+    one, other = a.compile(), b.compile()
+    assert one is not None  # or there would be no FusedTD of it
+    assert other is not None
+    return (
+        (one.dynamics, one.inputs, a.s_gamma) == (other.dynamics, other.inputs, b.s_gamma)
+        and np.array_equal(a.control_limits, b.control_limits)
+        and all(np.array_equal(x, y) for x, y in zip(one.constants, other.constants, strict=True))
+    )
 
 
 def _kind(learner: FusedTD) -> tuple[object, ...]:
@@ -264,7 +349,7 @@ class PopulationTD:
         (learner, *others) = learners
         network, problem = learner.network, learner.problem
         for other in others:
-            if type(other.problem) is not type(problem) or other.problem.s_gamma != problem.s_gamma:
+            if not _same_problem(other.problem, problem):
                 raise ValueError("learners of a population must have one problem and one s_gamma")
             if _kind(other) != _kind(learner):
                 raise ValueError("networks of a population must have one size, one dtype and one sigmoid")
@@ -296,7 +381,9 @@ class PopulationTD:
         )
         real = [aligned_zeros(shape, dtype) for shape in shapes]
         state = [np.zeros(shape) for shape in ((p,), (LANES, p), (LANES, p), (LANES, p, q))]
-        self._ws = Workspace(*real, *state)
+        lanes = [aligned_zeros((size * LANES,), np.float64) for size in (p, p, q, p, 1, 1, 1)]
+        self._ws = Workspace(*real, *state, LanesWorkspace(*lanes))
+        self._lanes = compiled_lanes(problem)
         s_lambda = [learner.settings.s_lambda for learner in learners]
         self._s_lambda = np.array(s_lambda + [0.0] * (LANES - len(learners)))
 
@@ -331,9 +418,12 @@ class PopulationTD:
         return TrialStatistics(*np.moveaxis(statistics[:, :count], -1, 0))
 
     def _train(self, states: Array, statistics: Array) -> None:
-        settings = self.learners[0].settings
-        self._kernel.train(
-            self._constants,
+        settings, lanes = self.learners[0].settings, self._lanes
+        train, constants = (
+            (self._kernel.train, (self._constants,)) if lanes is None else (self._kernel.train_lanes, lanes)
+        )
+        train(
+            *constants,
             self._limits,
             states,
             settings.steps_per_trial,
@@ -351,9 +441,11 @@ class PopulationTD:
             settings, vario = learner.settings, learner.settings.vario
             if vario is None:
                 continue
+            learns = learner.base_rate.numpy()[self._connected] > 0
             variance = learner.variance.numpy()
-            change = self._ws.weight[:, lane] - before[:, lane]
-            v = vario_eta.variance(variance[self._connected], change, self._ws.rate[:, lane], vario.beta)
-            variance[self._connected] = v
-            base = learner.base_rate.numpy()[self._connected]
-            self._ws.rate[:, lane] = base * vario_eta.learning_rate(v, settings.eta, vario.epsilon)
+            change = (self._ws.weight[:, lane] - before[:, lane])[learns]
+            place = tuple(axis[learns] for axis in np.nonzero(self._connected))
+            v = vario_eta.variance(variance[place], change, self._ws.rate[learns, lane], vario.beta)
+            variance[place] = v
+            rate = vario_eta.learning_rate(v, settings.eta, vario.epsilon)
+            self._ws.rate[learns, lane] = learner.base_rate.numpy()[place] * rate

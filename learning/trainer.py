@@ -1,4 +1,4 @@
-"""Training runs: a learner, its log and its checkpoints in a directory of their own.
+"""Training runs: a learner of either method, its log and its checkpoints in a directory of their own.
 
 A run directory has ``config.json`` (complete: it defines the run), ``metrics.csv`` (a row an evaluation),
 ``checkpoint.safetensors`` (the newest weights and all that resuming needs) and ``best.safetensors`` (the weights that
@@ -25,20 +25,20 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from swimmer_mj import suite
 from swimmer_mj.dynamics import MujocoSwimmer
 from swimmer_mj.files import replacing
 from swimmer_mj.initial_states import InitialLaw
 from swimmer_mj.learning.checkpoint import load_checkpoint, save_checkpoint
-from swimmer_mj.learning.continuous_td import ContinuousTD, Learner, Moment, TDSettings
-from swimmer_mj.learning.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
-from swimmer_mj.learning.fused import FusedTD
-from swimmer_mj.learning.networks import Cascade
+from swimmer_mj.learning.continuous_td import TDSettings
+from swimmer_mj.learning.evaluation import evaluation_states
+from swimmer_mj.learning.methods import TemporalDifferences, make_learning
+from swimmer_mj.learning.networks import Cascade, Multilayer, ValueNetwork
 from swimmer_mj.learning.pendulum import Pendulum
-from swimmer_mj.learning.policy import GreedyPolicy, observed_state
+from swimmer_mj.learning.policy import GreedyPolicy
 from swimmer_mj.learning.population import LANES, PopulationTD
 from swimmer_mj.learning.problem import ControlProblem
 from swimmer_mj.learning.swimming import Swimming
+from swimmer_mj.learning.value_gradient import ValueGradientSettings
 from swimmer_mj.learning.vario_eta import VarioEta
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
@@ -52,6 +52,7 @@ __all__ = [
     "load_policy",
     "read_config",
     "train_together",
+    "value_gradient_config",
 ]
 
 Array = NDArray[np.float64]
@@ -67,11 +68,17 @@ class TrainConfig:
     """Everything that defines a run."""
 
     seed: int = 0
+    method: Literal["td", "value-gradient"] = "td"
+    """Continuous TD(lambda), the paper's, or :mod:`swimmer_mj.learning.value_gradient`."""
     problem: Literal["swim", "pendulum"] = "swim"
     parameters: SwimmerParameters = PAPER
     s_gamma: float = 1.0
     td: TDSettings = field(default_factory=lambda: TDSettings(eta=0.04))
+    value_gradient: ValueGradientSettings = field(default_factory=ValueGradientSettings)
     neurons: int = PAPER_NEURONS
+    """Of the cascade, the output counted."""
+    layers: tuple[int, ...] | None = None
+    """Units of each hidden layer, instead of a cascade."""
     dtype: Literal["float32", "float64"] = "float32"
     sigmoid: Literal["tanh", "logistic"] = "tanh"
     encoding: Literal["circle", "angle"] = "circle"
@@ -89,6 +96,12 @@ class TrainConfig:
             raise ValueError(f"neurons must be at least 2, one hidden and the output; got {self.neurons}")
         if self.evaluate_every < 1:
             raise ValueError(f"evaluate_every must be at least 1 trial, got {self.evaluate_every}")
+        if self.method == "td" and self.layers is not None:
+            raise ValueError(f"method 'td' learns cascades: layers must be None, got {self.layers}")
+        if self.method == "value-gradient" and self.engine == "population":
+            raise ValueError("engine 'population' is for method 'td'")
+        if self.method == "value-gradient" and self.physics == "mujoco":
+            raise ValueError("method 'value-gradient' needs the equations themselves: physics 'analytic'")
         if self.physics == "mujoco" and self.problem != "swim":
             raise ValueError(f"physics 'mujoco' is for swimming, not for {self.problem!r}")
         if self.physics == "mujoco" and self.engine == "population":
@@ -101,6 +114,11 @@ class TrainConfig:
         td = TDSettings(dt=self.td.dt, trial_duration=self.td.trial_duration)
         return dataclasses.replace(self, seed=0, td=td)
 
+    @property
+    def steps_per_trial(self) -> int:
+        """Steps of simulation in a trial of the paper's length; trials count simulated time, whatever the method."""
+        return self.td.steps_per_trial
+
     def make_problem(self) -> ControlProblem:
         """The control problem that is learned."""
         if self.problem == "pendulum":
@@ -110,9 +128,12 @@ class TrainConfig:
             self.parameters, self.s_gamma, dynamics, encoding=self.encoding, initial_law=self.initial_law
         )
 
-    def make_network(self, problem: ControlProblem) -> Cascade:
+    def make_network(self, problem: ControlProblem) -> ValueNetwork:
         """The network with its initial weights, which follow from the seed."""
         generator = torch.Generator().manual_seed(self.seed)
+        if self.layers is not None:
+            dtype = getattr(torch, self.dtype)
+            return Multilayer(problem.n_inputs, self.layers, generator=generator, dtype=dtype)
         return Cascade(
             problem.n_inputs,
             self.neurons,
@@ -131,10 +152,26 @@ class TrainConfig:
         fields = {key: value for key, value in values.items() if key != "version"}
         td = fields.pop("td")
         vario = td.pop("vario")
+        layers = fields.pop("layers", None)
+        gradient = fields.pop("value_gradient", {})
         return cls(
             **{**fields, "parameters": SwimmerParameters(**fields["parameters"])},
+            layers=None if layers is None else tuple(layers),
+            value_gradient=ValueGradientSettings(**gradient),
             td=TDSettings(**td, vario=None if vario is None else VarioEta(**vario)),
         )
+
+
+def value_gradient_config(seed: int = 0, s_lambda: float = 1.0) -> TrainConfig:
+    """The configuration that was found to learn fastest with method ``"value-gradient"``; docs/beyond.md."""
+    return TrainConfig(
+        seed=seed,
+        method="value-gradient",
+        s_gamma=0.5,
+        value_gradient=ValueGradientSettings(s_lambda=s_lambda),
+        layers=(64, 64),
+        evaluate_every=1000,
+    )
 
 
 class Metrics(NamedTuple):
@@ -200,8 +237,7 @@ class TrainingRun:
         self.config = config
         self.problem = config.make_problem()
         self.network = config.make_network(self.problem)
-        self.fused = FusedTD(self.problem, self.network, config.td)
-        self.torch = ContinuousTD(self.problem, self.network, config.td) if config.engine == "torch" else None
+        self.learning = make_learning(config, self.problem, self.network)
         self.rng = np.random.default_rng(config.seed)
         self.trial = 0
         self.seconds = 0.0
@@ -225,49 +261,22 @@ class TrainingRun:
         metrics = Pack([self]).advance(report, stretch, stop)
         return None if metrics is None else metrics[0]
 
-    def learn(self, states: Array) -> tuple[float, float]:
-        """A trial from each of ``states`` (trials, p); mean V and mean H^2 along them."""
-        if self.config.engine == "fused" and self.config.physics == "analytic":
-            trials = self.fused.train(states)
-            return float(trials.value.mean()), float(trials.squared_hamiltonian.mean())
-        learner: Learner = self.fused if self.torch is None else self.torch
-        if self.config.physics == "mujoco":
-            moments = learn_in_environment(learner, self.config, states)
-        else:
-            assert self.torch is not None
-            moments = [moment for x in states for moment in self.torch.run_trial(x)]
-        values = np.array([moment.value for moment in moments])
-        hamiltonians = np.array([moment.hamiltonian for moment in moments])
-        return float(values.mean()), float((hamiltonians**2).mean())
-
     def evaluate(self, seconds: float) -> Metrics:
         """<V>_S, <H^2>_S and the speed of the weights as they are."""
-        sample = self.fused.sample(evaluation_sample(self.problem))
-        return Metrics(
-            self.trial,
-            seconds,
-            float(sample.value.mean()),
-            float((sample.hamiltonian**2).mean()),
-            self.speed(),
-        )
-
-    def speed(self) -> float:
-        """Mean reward over the last 10 of 20 s from 64 states, of the greedy policy on the compiled model."""
+        values, hamiltonians = self.learning.judge(evaluation_sample(self.problem))
         if isinstance(self.problem, Swimming):
             states = evaluation_states(self.problem.parameters.n_links)
         else:
             states = self.problem.initial_states(np.random.default_rng(0), 64)
-        return float(self.fused.rollout(states, EPISODE_DURATION, skip=SETTLING_TIME).reward.mean())
+        return Metrics(
+            self.trial,
+            seconds,
+            float(values.mean()),
+            float((hamiltonians**2).mean()),
+            float(self.learning.rewards(states).mean()),
+        )
 
     # On disk -----------------------------------------------------------------------------------------------------
-
-    def _tensors(self) -> dict[str, torch.Tensor]:
-        variances, rates = (
-            (self.fused.variance, self.fused.rate)
-            if self.torch is None
-            else (self.torch.variances[0], self.torch.rates[0])
-        )
-        return {"weight": self.network.weight.data, "variance": variances, "rate": rates}
 
     def save(self, metrics: Metrics) -> None:
         """Write the run as it stands after the evaluation ``metrics``."""
@@ -279,12 +288,13 @@ class TrainingRun:
             "best_speed": max(self.best_speed, metrics.speed),
             "history": [list(row) for row in self.history],
             "rng": self.rng.bit_generator.state,
+            **self.learning.info(),
         }
         if metrics.speed > self.best_speed:
             self.best_speed = metrics.speed
             best = {"config": self.config.to_json(), **metrics._asdict()}
-            save_checkpoint(self.directory / BEST, {"weight": self.network.weight.data}, best)
-        save_checkpoint(self.directory / CHECKPOINT, self._tensors(), info)
+            save_checkpoint(self.directory / BEST, self.learning.result().state_dict(), best)
+        save_checkpoint(self.directory / CHECKPOINT, self.learning.tensors(), info)
         with replacing(self.directory / LOG) as partial, partial.open("w", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(Metrics._fields)
@@ -292,9 +302,7 @@ class TrainingRun:
 
     def _restore(self) -> None:
         tensors, info = load_checkpoint(self.directory / CHECKPOINT)
-        with torch.no_grad():
-            for name, tensor in self._tensors().items():
-                tensor.copy_(tensors[name])
+        self.learning.restore(tensors, info)
         self.trial, self.seconds, self.best_speed = info["trial"], info["seconds"], info["best_speed"]
         self.history = [Metrics(*row) for row in info["history"]]
         self.rng.bit_generator.state = info["rng"]
@@ -318,11 +326,14 @@ class Pack:
 
     def __init__(self, runs: Sequence[TrainingRun]) -> None:
         self.runs = list(runs)
-        self.population = (
-            PopulationTD([run.fused for run in runs]) if runs[0].config.engine == "population" else None
-        )
-        if self.population is None and len(runs) > 1:
+        learning = [run.learning for run in runs]
+        if runs[0].config.engine != "population" and len(runs) > 1:
             raise ValueError(f"engine {runs[0].config.engine!r} learns one run at a time, got {len(runs)}")
+        self.population = (
+            PopulationTD([one.fused for one in learning if isinstance(one, TemporalDifferences)])
+            if runs[0].config.engine == "population"
+            else None
+        )
 
     @staticmethod
     def of(runs: Sequence[TrainingRun], workers: int) -> list[Pack]:
@@ -357,10 +368,10 @@ class Pack:
         while left:
             count = min(stretch, left)
             before = time.perf_counter()
-            states = [run.problem.initial_states(run.rng, count) for run in self.runs]
             if self.population is None:
-                means = [self.runs[0].learn(states[0])]
+                means = [self.runs[0].learning.learn(count, self.runs[0].trial, self.runs[0].rng)]
             else:
+                states = [run.problem.initial_states(run.rng, count) for run in self.runs]
                 trials = self.population.train(np.stack(states, axis=1))
                 means = list(
                     zip(trials.value.mean(axis=0), trials.squared_hamiltonian.mean(axis=0), strict=True)
@@ -369,10 +380,10 @@ class Pack:
             rate = count / (time.perf_counter() - before)
             for run, (value, squared_hamiltonian) in zip(self.runs, means, strict=False):
                 run.trial += count
-                if not torch.isfinite(run.network.weight).all():
+                if not all(torch.isfinite(weight).all() for weight in run.network.parameters()):
                     raise FloatingPointError(
                         f"weights of {run.directory} are no longer finite after {run.trial} trials: "
-                        f"eta {run.config.td.eta} is too large"
+                        f"{run.learning.step_size} is too large"
                     )
                 report(Report(run, Progress(run.trial, rate, float(value), float(squared_hamiltonian)), None))
             if left and stop():
@@ -446,27 +457,6 @@ def train_together(
             raise
 
 
-def learn_in_environment(learner: Learner, config: TrainConfig, states: Array) -> list[Moment]:
-    """One trial from each of ``states`` in the dm_control environment itself, learning from its observations."""
-    remaining = iter(states)
-    environment = suite.swim(
-        config.parameters,
-        time_limit=config.td.trial_duration,
-        initial_states=lambda _: next(remaining),
-        environment_kwargs={"control_timestep": config.td.dt},
-    )
-    moments = []
-    for _ in range(len(states)):
-        step = environment.reset()
-        learner.start_trial()
-        while not step.last():
-            moments.append(learner.learn_at(observed_state(step.observation)))
-            step = environment.step(moments[-1].control / config.parameters.torque_limits)
-        learner.end_trial()
-    environment.physics.free()
-    return moments
-
-
 def read_config(directory: str | os.PathLike[str]) -> TrainConfig:
     """The configuration of the run in ``directory``."""
     path = Path(directory) / CONFIG
@@ -480,12 +470,11 @@ def read_config(directory: str | os.PathLike[str]) -> TrainConfig:
 
 def load_policy(
     directory: str | os.PathLike[str], which: Literal["best", "last"] = "best"
-) -> tuple[GreedyPolicy[Cascade], TrainConfig, dict[str, Any]]:
+) -> tuple[GreedyPolicy[ValueNetwork], TrainConfig, dict[str, Any]]:
     """The greedy policy that a run has learned, its configuration, and what is known of the checkpoint."""
     config = read_config(directory)
     tensors, info = load_checkpoint(Path(directory) / (BEST if which == "best" else CHECKPOINT))
     problem = dataclasses.replace(config, physics="analytic").make_problem()
     network = config.make_network(problem)
-    with torch.no_grad():
-        network.weight.copy_(tensors["weight"])
+    network.load_state_dict({name: tensors[name] for name in network.state_dict()})
     return GreedyPolicy(problem, network), config, info

@@ -37,7 +37,19 @@ def test_help_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    for command in ("demo", "train", "evaluate", "render", "view", "validate", "bench", "info", "doctor"):
+    commands = (
+        "demo",
+        "train",
+        "evaluate",
+        "render",
+        "view",
+        "figures",
+        "validate",
+        "bench",
+        "info",
+        "doctor",
+    )
+    for command in commands:
         assert command in done.stdout
 
 
@@ -283,3 +295,32 @@ def test_module_is_the_command():
     )
     assert done.returncode == 0
     assert json.loads(done.stdout)["version"]
+
+
+def test_figures_draws_what_is_asked_for(tmp_path, capsys):
+    status, out, _ = run(capsys, "figures", "section-3.3", "--out", tmp_path, "--json")
+    assert status == 0
+    assert json.loads(out) == {"pictures": {"section-3.3": str(tmp_path / "section-3.3.png")}}
+    assert (tmp_path / "section-3.3.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_figures_names_what_there_is(tmp_path, capsys):
+    status, _, err = run(capsys, "figures", "figure-9", "--out", tmp_path)
+    assert status == 2
+    assert "there is no figure 'figure-9'; there are figure-1, " in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_trains_value_gradients(tmp_path, capsys):
+    out = tmp_path / "run"
+    status, _, err = run(capsys, "train", "--out", out, "--method", "value-gradient", "--links", "3", "--trials", "30",
+                         "--evaluate-every", "30")  # fmt: skip
+    assert status == 0, err
+    status, reply, _ = run(capsys, "info", out, "--json")
+    config = json.loads(reply)["config"]
+    assert (config["method"], config["layers"], config["s_gamma"]) == ("value-gradient", [64, 64], 0.5)
+    status, _, err = run(
+        capsys, "train", "--out", tmp_path / "b", "--method", "value-gradient", "--eta", "0.1"
+    )
+    assert status == 2
+    assert "--eta is for --method td" in err

@@ -18,6 +18,7 @@ from swimmer_mj.learning.continuous_td import TDSettings
 from swimmer_mj.learning.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
 from swimmer_mj.learning.experiments.tables import LOGS, read_table, write_table
 from swimmer_mj.learning.fused import FusedTD
+from swimmer_mj.learning.networks import Cascade
 from swimmer_mj.learning.population import LANES, PopulationTD
 from swimmer_mj.learning.trainer import TrainConfig, evaluation_sample
 
@@ -81,7 +82,11 @@ def _learn(pack: Sequence[tuple[Variant, int]], duration: float) -> list[tuple[s
     """Rows of the log for one pack."""
     configs = [dataclasses.replace(variant.config, seed=seed) for variant, seed in pack]
     problem = configs[0].make_problem()
-    learners = [FusedTD(problem, config.make_network(problem), config.td) for config in configs]
+    learners = []
+    for config in configs:
+        network = config.make_network(problem)
+        assert isinstance(network, Cascade)
+        learners.append(FusedTD(problem, network, config.td))
     population = PopulationTD(learners)
     rngs = [np.random.default_rng(config.seed) for config in configs]
     states, sample = (

@@ -11,8 +11,9 @@ from swimmer_mj.analytic import AnalyticSwimmer
 from swimmer_mj.dynamics import MujocoSwimmer
 from swimmer_mj.learning.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.fused import FusedTD
+from swimmer_mj.learning.methods import learn_in_environment
 from swimmer_mj.learning.swimming import Swimming
-from swimmer_mj.learning.trainer import TrainConfig, learn_in_environment
+from swimmer_mj.learning.trainer import TrainConfig
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 from swimmer_mj.reduced import compile_reduced_dynamics, reduced_constants
 

@@ -15,7 +15,9 @@ from swimmer_mj.learning.trainer import (
     load_policy,
     read_config,
     train_together,
+    value_gradient_config,
 )
+from swimmer_mj.learning.value_gradient import ValueGradientSettings
 from swimmer_mj.learning.vario_eta import VarioEta
 from swimmer_mj.parameters import SwimmerParameters
 
@@ -72,7 +74,7 @@ def test_seeds_differ_and_repeat(tmp_path):
 def test_keeps_the_best_weights(tmp_path):
     run = TrainingRun(tmp_path / "run", SMALL)
     speeds = iter([0.1, 0.5, 0.3])
-    run.speed = lambda: next(speeds)
+    run.learning.rewards = lambda states: np.array([next(speeds)])
     weights = []
     for _ in range(3):
         run.advance()
@@ -98,7 +100,7 @@ def test_what_a_run_leaves(tmp_path):
         (row,) = csv.DictReader(file)
     assert list(row) == ["trial", "seconds", "mean_value", "mean_squared_hamiltonian", "speed"]
     assert Metrics(*(float(value) for value in row.values())) == metrics
-    sample = run.fused.sample(run.problem.initial_states(np.random.default_rng(1), 1000))
+    sample = run.learning.fused.sample(run.problem.initial_states(np.random.default_rng(1), 1000))
     assert metrics is not None
     assert metrics.mean_value == pytest.approx(sample.value.mean())
     assert metrics.mean_squared_hamiltonian == pytest.approx((sample.hamiltonian**2).mean())
@@ -176,13 +178,40 @@ def test_a_pack_computes_what_its_runs_compute_alone(tmp_path):
         single.advance()
         assert pack_run.trial == single.trial == 40
         assert (pack_run.network.weight - single.network.weight).abs().max() < 1e-12
-        assert torch.allclose(pack_run.fused.rate, single.fused.rate, rtol=1e-9)
+        assert torch.allclose(pack_run.learning.fused.rate, single.learning.fused.rate, rtol=1e-9)
         assert single.network.weight.abs().sum() > 0
     alone = TrainingRun(tmp_path / "alone", together[1].config)
     alone.advance()
     resumed = TrainingRun(tmp_path / "alone", resume=True)
     train_together([resumed], trials=40)
     assert torch.equal(resumed.network.weight, together[1].network.weight)
+
+
+def test_value_gradients_resume_and_load(tmp_path):
+    config = dataclasses.replace(
+        value_gradient_config(seed=3),
+        parameters=SwimmerParameters(n_links=3),
+        value_gradient=ValueGradientSettings(trajectories=32, steps=10, minibatch=64),
+        layers=(8, 8),
+        evaluate_every=2,
+    )
+    whole = TrainingRun(tmp_path / "whole", config)
+    whole.advance()
+    whole.advance()
+    parts = TrainingRun(tmp_path / "parts", config)
+    parts.advance(stretch=1)
+    assert parts.advance(stretch=1, stop=lambda: True) is None  # cut off in the middle of a period
+    parts = TrainingRun(tmp_path / "parts", resume=True)
+    assert parts.config == config
+    parts.advance()
+    assert rows_of(parts) == rows_of(whole)
+    assert whole.learning.learner.simulation_steps >= 4 * 500
+    for a, b in zip(whole.network.parameters(), parts.network.parameters(), strict=True):
+        assert torch.equal(a, b)
+    policy, _, _ = load_policy(tmp_path / "parts", "last")
+    states = whole.problem.initial_states(np.random.default_rng(0), 5)
+    assert (policy.judge(states).value == whole.learning.judge(states)[0]).all()
+    assert not np.allclose(policy.judge(states).value, 0)
 
 
 def test_runs_together_stop_at_a_number_of_trials(tmp_path):

@@ -1,0 +1,383 @@
+"""Value-gradient learning against automatic differentiation and closed forms, before any learning curve."""
+
+import copy
+import json
+import math
+
+import numpy as np
+import pytest
+import torch
+from scipy.linalg import solve_discrete_lyapunov
+from torch import nn
+
+from swimmer_mj.learning.checkpoint import load_checkpoint, save_checkpoint
+from swimmer_mj.learning.differentiable import (
+    DifferentiableProblem,
+    differentiable,
+    transition,
+    transition_pullback,
+)
+from swimmer_mj.learning.networks import Cascade, Multilayer, ValueNetwork
+from swimmer_mj.learning.pendulum import Pendulum
+from swimmer_mj.learning.swimming import Swimming
+from swimmer_mj.learning.value_gradient import (
+    ValueGradientLearner,
+    ValueGradientSettings,
+    targets,
+    value_and_gradient_loss,
+)
+from swimmer_mj.parameters import PAPER
+
+SMALL = ValueGradientSettings(trajectories=32, steps=10, minibatch=64, trial_duration=0.2)
+
+
+def multilayer(n_inputs, hidden=(16, 16), dtype=torch.float64, seed=0, output=0.3):
+    generator = torch.Generator().manual_seed(seed)
+    network = Multilayer(n_inputs, hidden, generator=generator, dtype=dtype)
+    with torch.no_grad():
+        for w in network.layers[-1].parameters():
+            w.copy_(output * torch.randn(w.shape, generator=generator, dtype=torch.float64))
+    return network
+
+
+def value_and_slope(network, problem, x):
+    x = x.detach().requires_grad_()
+    V = network(problem.inputs(x))
+    return V.detach(), torch.autograd.grad(V.sum(), x)[0]
+
+
+def trajectory(problem, x, n_steps, dt, rng):
+    """States (T + 1, N, p) and random bang-bang controls (T, N, q)."""
+    limits = torch.tensor(problem.control_limits)
+    states, controls = [x], []
+    for _ in range(n_steps):
+        signs = torch.tensor(rng.choice([-1.0, 1.0], (len(x), len(limits))))
+        controls.append(limits * signs)
+        states.append(transition(problem, states[-1], controls[-1], dt))
+    return states, controls
+
+
+def targets_along(problem, network, states, controls, s_lambda, dt):
+    X = torch.stack(states)
+    V, dVdx = value_and_slope(network, problem, X)
+    x = X[:-1].detach().requires_grad_()
+    r = problem.reward_rate(x.flatten(0, 1)).view(x.shape[:2])
+    (drdx,) = torch.autograd.grad(r.sum(), x)
+
+    def pullback(t, later):
+        return transition_pullback(problem, states[t], controls[t], dt, later)
+
+    return targets(r.detach(), drdx, V, dVdx, pullback, problem.s_gamma, s_lambda, dt)
+
+
+# The recursions ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("s_lambda", [0.0, 2.0, math.inf])
+def test_targets_are_the_return_and_its_gradient_by_autodiff(s_lambda):
+    """G(0) written out as a sum over steps, differentiated through the simulator with the controls held."""
+    problem = differentiable(Swimming(s_gamma=0.7))
+    network = multilayer(problem.n_inputs)
+    rng, dt, T = np.random.default_rng(0), 0.01, 12
+    x0 = torch.tensor(problem.initial_states(rng, 5)).requires_grad_()
+    states, controls = trajectory(problem, x0, T, dt, rng)
+    l, gamma = math.exp(-s_lambda * dt), math.exp(-0.7 * dt)
+    # The lambda return: after k steps V(x_k) is taken with weight (1 - l) l^(k - 1), or what is left of it.
+    expected = torch.zeros(5, dtype=torch.float64)
+    so_far = torch.zeros(5, dtype=torch.float64)
+    for k in range(1, T + 1):
+        so_far = so_far + gamma ** (k - 1) * dt * problem.reward_rate(states[k - 1])
+        weight = (1 - l) * l ** (k - 1) if k < T else l ** (T - 1)
+        expected = expected + weight * (so_far + gamma**k * network(problem.inputs(states[k])))
+    (gradient,) = torch.autograd.grad(expected.sum(), x0)
+    found = targets_along(problem, network, [x.detach() for x in states], controls, s_lambda, dt)
+    assert torch.allclose(found.value[0], expected, rtol=1e-13, atol=0)
+    assert torch.allclose(found.gradient[0], gradient, rtol=1e-10, atol=1e-13)
+
+
+def test_without_lookahead_each_target_is_one_step_from_its_state():
+    problem = differentiable(Pendulum())
+    network = multilayer(problem.n_inputs)
+    rng, dt = np.random.default_rng(0), 0.02
+    states, controls = trajectory(problem, torch.tensor(problem.initial_states(rng, 4)), 6, dt, rng)
+    found = targets_along(problem, network, states, controls, math.inf, dt)
+    for t in range(6):
+        V, dVdx = value_and_slope(network, problem, states[t + 1])
+        G = problem.reward_rate(states[t]) * dt + math.exp(-dt) * V
+        assert torch.allclose(found.value[t], G, rtol=1e-14)
+        drdx = torch.stack([-torch.sin(states[t][:, 0]), torch.zeros(4, dtype=torch.float64)], 1)
+        F = torch.tensor([[1.0, dt], [0.0, 1 - 0.01 * dt]], dtype=torch.float64).repeat(4, 1, 1)
+        F[:, 1, 0] = dt * 9.8 * torch.cos(states[t][:, 0])
+        g = drdx * dt + math.exp(-dt) * (F.mT @ dVdx[..., None])[..., 0]
+        assert torch.allclose(found.gradient[t], g, rtol=1e-13, atol=1e-15)
+
+
+def linear_quadratic(dt=0.02, s_gamma=0.5):
+    """dx/dt = A x under a linear feedback that is part of A, r = -x^T Q x; V = -x^T P x, P by a Lyapunov equation."""
+    A = torch.tensor([[0.0, 1.0, 0.0], [-2.0, -0.4, 0.5], [0.0, -0.3, -0.2]], dtype=torch.float64)
+    Q = torch.tensor([[1.0, 0.2, 0.0], [0.2, 0.5, 0.0], [0.0, 0.0, 2.0]], dtype=torch.float64)
+    problem = DifferentiableProblem(
+        "linear",
+        drift=lambda x: x @ A.T,
+        control_matrix=lambda x: x.new_zeros(*x.shape, 1),
+        reward_rate=lambda x: -((x @ Q) * x).sum(-1),
+        limits=(1.0,),
+        draw=lambda rng, count: rng.uniform(-1, 1, (count, 3)),
+        s_gamma=s_gamma,
+    )
+    # V(x) = r(x) dt + gamma V(F x)   <=>   P = Q dt + gamma F^T P F
+    F = math.exp(-s_gamma * dt / 2) * (np.eye(3) + dt * A.numpy())
+    P = torch.tensor(solve_discrete_lyapunov(F.T, Q.numpy() * dt))
+    return problem, P
+
+
+class Quadratic(ValueNetwork):
+    """V = -x^T P x."""
+
+    n_inputs = 3
+
+    def __init__(self, P):
+        super().__init__()
+        self.P = nn.Parameter(P.clone())
+
+    def forward(self, z):
+        return -((z @ self.P) * z).sum(-1)
+
+
+@pytest.mark.parametrize("s_lambda", [0.0, 1.0, 30.0, math.inf])
+def test_the_true_value_of_a_linear_quadratic_problem_is_its_own_target(s_lambda):
+    problem, P = linear_quadratic()
+    rng = np.random.default_rng(0)
+    states, controls = trajectory(problem, torch.tensor(problem.initial_states(rng, 6)), 40, 0.02, rng)
+    found = targets_along(problem, Quadratic(P), states, controls, s_lambda, 0.02)
+    V, dVdx = value_and_slope(Quadratic(P), problem, torch.stack(states[:-1]))
+    assert torch.allclose(found.value, V, rtol=1e-11, atol=1e-13)
+    assert torch.allclose(found.gradient, dVdx, rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize(("value_weight", "slope_weight"), [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0)])
+def test_learns_the_value_of_a_linear_quadratic_problem(value_weight, slope_weight):
+    problem, P = linear_quadratic(dt=0.05)
+    network = Quadratic(torch.zeros(3, 3, dtype=torch.float64))
+    settings = ValueGradientSettings(
+        trajectories=16, steps=20, dt=0.05, trial_duration=1.0, minibatch=32, learning_rate=0.1, half_life=6.0,
+        final_rate=1e-6, clip=100.0, value_weight=value_weight, slope_weight=slope_weight, averaging=0.0,
+    )  # fmt: skip
+    learner = ValueGradientLearner(problem, network, settings)
+    for _ in range(30):
+        learner.step()
+    learned = network.P.detach()
+    # Slopes teach more than values: p numbers a state instead of one.
+    tolerance = 1e-3 if slope_weight else 1e-2
+    assert ((learned + learned.T) / 2 - P).abs().max() < tolerance
+
+
+def test_learns_a_bang_bang_problem_that_has_a_closed_form():
+    """dx/dt = u, |u| <= 1, r = -x^2: run to 0, stay. In steps of dt: V = -sum_k e^{-s k dt} max(|x| - k dt, 0)^2 dt."""
+    s = 1.0
+    problem = DifferentiableProblem(
+        "run to the middle",
+        drift=lambda x: 0 * x,
+        control_matrix=lambda x: torch.ones_like(x)[..., None],
+        reward_rate=lambda x: -(x[..., 0] ** 2),
+        limits=(1.0,),
+        draw=lambda rng, count: rng.uniform(-2, 2, (count, 1)),
+        s_gamma=s,
+    )
+    network = multilayer(1, (20, 20), output=0.0)
+    settings = ValueGradientSettings(
+        trajectories=64, steps=10, dt=0.02, trial_duration=1.0, minibatch=160, half_life=40.0, learning_rate=1e-2,
+        final_rate=1e-4,
+    )  # fmt: skip
+    learner = ValueGradientLearner(problem, network, settings)
+    for _ in range(100):
+        learner.step()
+    x = torch.linspace(-1.8, 1.8, 37, dtype=torch.float64)[:, None]
+    V, dVdx = value_and_slope(learner.averaged_network(), problem, x)
+    k = torch.arange(100)
+    left = (x.abs() - k * settings.dt).clamp(min=0)
+    weight = torch.exp(-s * k * settings.dt) * settings.dt
+    expected = -(weight * left**2).sum(1)
+    slope = -torch.sign(x[:, 0]) * (2 * weight * left).sum(1)
+    assert (V - expected).abs().max() < 0.08  # V spans 1.4
+    assert (dVdx[:, 0] - slope).abs().max() < 0.15  # dV/dx spans 3.9
+
+
+# The engines ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "network",
+    [
+        multilayer(17, (16, 13)),
+        multilayer(17, (9,)),
+        Cascade(17, 14, generator=torch.Generator().manual_seed(0), dtype=torch.float64),
+    ],
+    ids=["two layers", "one layer", "cascade"],
+)
+def test_engines_agree_over_rounds(network):
+    problem = Swimming(s_gamma=0.5)
+    compiled, reference = (
+        ValueGradientLearner(problem, copy.deepcopy(network), SMALL, seed=3, engine=engine)
+        for engine in ("compiled", "torch")
+    )
+    before = reference.state_dict()["tensors"]["weights"]
+    for _ in range(5):
+        assert compiled.step() == pytest.approx(reference.step(), rel=1e-9, abs=1e-13)
+    after, other = (learner.state_dict()["tensors"] for learner in (compiled, reference))
+    assert (after["weights"] - before).abs().max() > 1e-2  # it did learn
+    for name in ("weights", "average", "states"):
+        assert torch.allclose(after[name], other[name], rtol=1e-9, atol=1e-12)
+    starts = problem.initial_states(np.random.default_rng(1), 40)  # not a whole number of blocks
+    speeds = [learner.rollout(starts, 0.5, skip=0.2) for learner in (compiled, reference)]
+    assert speeds[0] == pytest.approx(speeds[1], rel=1e-9)
+
+
+def test_single_precision_follows_double():
+    problem = Swimming()
+    learners = [
+        ValueGradientLearner(problem, multilayer(17, dtype=dtype), SMALL)
+        for dtype in (torch.float32, torch.float64)
+    ]
+    for _ in range(3):
+        single, double = (learner.step() for learner in learners)
+        assert single == pytest.approx(double, rel=1e-3, abs=1e-5)
+
+
+def test_what_cannot_be_compiled_is_said():
+    problem, network = Swimming(), multilayer(17)
+    with pytest.raises(ValueError, match="needs minibatch to be a multiple of 32, not 100; use 'torch'"):
+        ValueGradientLearner(problem, network, ValueGradientSettings(minibatch=100), engine="compiled")
+    with pytest.raises(ValueError, match="knows Swimming, not 'pendulum'; use 'torch'"):
+        ValueGradientLearner(Pendulum(), multilayer(3), engine="compiled")
+    with pytest.raises(ValueError, match="swim5 has 17 inputs, the network 3"):
+        ValueGradientLearner(problem, multilayer(3))
+    assert ValueGradientLearner(Pendulum(), multilayer(3), SMALL).engine == "torch"
+
+
+# The learner ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["compiled", "torch"])
+def test_resumed_it_computes_the_same_bits(engine, tmp_path):
+    problem = Swimming()
+
+    def make():
+        return ValueGradientLearner(
+            problem, multilayer(17, dtype=torch.float32), SMALL, seed=1, engine=engine
+        )
+
+    straight, first, second = make(), make(), make()
+    for _ in range(6):
+        expected = straight.step()
+    for _ in range(4):
+        first.step()
+    state = first.state_dict()
+    save_checkpoint(
+        tmp_path / "checkpoint.safetensors", state["tensors"], json.loads(json.dumps(state["info"]))
+    )
+    tensors, info = load_checkpoint(tmp_path / "checkpoint.safetensors")
+    second.load_state_dict({"tensors": tensors, "info": info})
+    assert second.rounds == 4
+    for _ in range(2):
+        found = second.step()
+    assert found == expected
+    for name, tensor in straight.state_dict()["tensors"].items():
+        assert torch.equal(tensor, second.state_dict()["tensors"][name]), name
+
+
+def test_averaged_weights_follow_their_recursion_and_make_the_policy():
+    learner = ValueGradientLearner(Pendulum(), multilayer(3), SMALL)
+    average = nn.utils.parameters_to_vector(learner.network.parameters()).detach().clone()
+    for _ in range(3):
+        learner.step()
+        last = nn.utils.parameters_to_vector(learner.network.parameters()).detach()
+        average = 0.9 * average + 0.1 * last
+    found = nn.utils.parameters_to_vector(learner.averaged_network().parameters())
+    assert torch.allclose(found, average, rtol=1e-14)
+    assert (found - last).abs().max() > 1e-4
+    x = np.array([[0.4, -1.0]])
+    V, _ = value_and_slope(learner.averaged_network(), Pendulum(), torch.tensor(x))
+    assert learner.policy().judge(x).value == pytest.approx(V.numpy(), rel=1e-12)
+
+
+def test_trajectories_go_on_and_start_anew():
+    """All of them within a trial's length, at different times, from states of the law."""
+    problem = Pendulum()
+    learner = ValueGradientLearner(problem, multilayer(3), SMALL)  # a trial has two rounds
+    starts = []
+    draw = problem.initial_states
+
+    def watch(rng, count):
+        starts.append(count)
+        return draw(rng, count)
+
+    object.__setattr__(problem, "initial_states", watch)
+    before = learner.state_dict()["tensors"]["states"]
+    for _ in range(3):
+        learner.step()
+    assert len(starts) == 2  # not in the first round; then each trajectory once in two rounds
+    assert sum(starts) == 32
+    assert 0 < min(starts)
+    assert (learner.state_dict()["tensors"]["states"] - before).abs().max(dim=1).values.min() > 0
+
+
+def test_loss_weighs_its_parts():
+    V, G = torch.tensor([1.0, 3.0]), torch.tensor([0.0, 1.0])
+    dVdx, g = torch.tensor([[1.0, 0.0], [0.0, 0.0]]), torch.tensor([[0.0, 0.0], [0.0, 2.0]])
+    loss, value_error, slope_error = value_and_gradient_loss(V, G, dVdx, g, 0.5, torch.tensor([3.0, 5.0]))
+    assert (value_error, slope_error) == (2.5, 11.5)
+    assert loss == 0.5 * 2.5 + 11.5
+
+
+def test_slopes_count_in_units_of_network_inputs():
+    learner = ValueGradientLearner(Swimming(), multilayer(17), SMALL)
+    assert learner._engine.slope_weights == pytest.approx([1.0] * 5 + [25.0] * 5 + [1.0] * 2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"steps": 0}, "steps must be an integer of at least 1, got 0"),
+        ({"dt": float("nan")}, "dt must be positive and finite, got nan"),
+        ({"flips": 0.7}, r"flips must be in \[0, 0.5\], got 0.7"),
+        ({"averaging": 1.0}, r"averaging must be in \[0, 1\), got 1.0"),
+        ({"s_lambda": -1.0}, "s_lambda must not be negative, got -1.0"),
+        ({"slope_weight": 0.0, "value_weight": 0.0}, "value_weight and slope_weight must not both be 0"),
+        ({"trajectories": 2, "steps": 5, "minibatch": 11}, "minibatch must be at most .* = 10, got 11"),
+    ],
+)  # fmt: skip
+def test_settings_refuse(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        ValueGradientSettings(**arguments)
+
+
+def test_swings_up_the_pendulum():
+    problem = Pendulum()
+    network = multilayer(3, (24, 24), output=0.0)
+    settings = ValueGradientSettings(
+        trajectories=64,
+        steps=20,
+        dt=0.04,
+        trial_duration=4.0,
+        minibatch=160,
+        learning_rate=4e-3,
+        half_life=40.0,
+    )
+    learner = ValueGradientLearner(problem, network, settings)
+    for _ in range(30):
+        learner.step()
+    hanging = np.tile([math.pi, 0.0], (8, 1)) + np.random.default_rng(0).normal(size=(8, 2)) * 0.05
+    assert learner.rollout(hanging, 12.0, skip=8.0, dt=0.04).min() > 0.9
+
+
+def test_learns_to_swim():
+    problem = Swimming(PAPER, s_gamma=0.5)
+    network = multilayer(17, (32, 32), dtype=torch.float32, output=0.0)
+    learner = ValueGradientLearner(
+        problem, network, ValueGradientSettings(trajectories=256), engine="compiled"
+    )
+    for _ in range(80):
+        learner.step()
+    starts = problem.initial_states(np.random.default_rng(5), 32)
+    assert learner.rollout(starts, 15.0, skip=7.5).mean() > 0.8  # the best open-loop wave: 0.54
