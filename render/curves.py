@@ -107,7 +107,15 @@ def learning_curve(
     handles, labels = speed.get_legend_handles_labels()
     if labels:
         unique = dict(zip(labels, handles, strict=True))  # one star stands for all
-        speed.legend(unique.values(), unique.keys(), frameon=False, fontsize=9, loc="lower right")
+        speed.legend(
+            unique.values(),
+            unique.keys(),
+            frameon=False,
+            fontsize=9,
+            ncols=2,
+            loc="lower left",
+            bbox_to_anchor=(0, 1),
+        )
     figure.align_ylabels()
     return figure
 

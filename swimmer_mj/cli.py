@@ -26,7 +26,7 @@ from tyro.conf import FlagCreatePairsOff, Positional
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from swimmer_mj.learning.trainer import Report, TrainingRun
+    from swimmer_mj.learning.trainer import Report, TrainConfig, TrainingRun
 
 __all__ = ["main"]
 
@@ -94,6 +94,8 @@ def demo(
     out = _free_directory(out)
     best = TrainingRun(out / "value-gradient", value_gradient_config(seed))
     paper = TrainingRun(out / "td", TrainConfig(seed=seed))
+    with console.status("compiling"):
+        _compile([best.config, paper.config])
     training = time.perf_counter()
     _train(console, [best, paper], seconds=DEMO_SECONDS, enough=lambda run: run.best_speed >= DEMO_SPEED)
     training = time.perf_counter() - training
@@ -580,6 +582,21 @@ def _train(
                     console.print(line, soft_wrap=True)
 
         train_together(runs, trials=trials, seconds=seconds, enough=enough, report=report)
+
+
+def _compile(configs: Sequence[TrainConfig]) -> None:
+    """Have numba compile what runs of ``configs`` need, by a little work whose result is dropped."""
+    import numpy as np
+
+    from swimmer_mj.learning.methods import make_learning
+
+    for config in configs:
+        problem = config.make_problem()
+        rng = np.random.default_rng(0)
+        learning = make_learning(config, problem, config.make_network(problem))
+        learning.learn(1, 0, rng)
+        learning.judge(problem.initial_states(rng, 1))
+        learning.rewards(problem.initial_states(rng, 1))
 
 
 def _evaluate_run(directory: Path, which: Literal["best", "last"], episodes: int) -> dict[str, Any]:
