@@ -203,6 +203,7 @@ def test_value_gradients_resume_and_load(tmp_path):
     assert parts.advance(stretch=1, stop=lambda: True) is None  # cut off in the middle of a period
     parts = TrainingRun(tmp_path / "parts", resume=True)
     assert parts.config == config
+    assert parts.learning.learner.simulation_steps >= 2 * 500  # it does not begin again, to the same end
     parts.advance()
     assert rows_of(parts) == rows_of(whole)
     assert whole.learning.learner.simulation_steps >= 4 * 500
