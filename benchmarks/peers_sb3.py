@@ -23,10 +23,8 @@ What remains unequal: they learn without the model, and their policies hold each
 
 from __future__ import annotations
 
-import csv
 import math
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -42,9 +40,8 @@ from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
+from yardstick import Clock, Row, append, finished, row, swimming_speed
 
-from swimmer_mj.learning.evaluation import evaluate_swimming
-from swimmer_mj.learning.policy import observed_state
 from swimmer_mj.learning.swimming import Swimming
 from swimmer_mj.parameters import PAPER
 from swimmer_mj.vector import SwimmerVectorEnv
@@ -70,17 +67,6 @@ SETTINGS: dict[str, dict[str, Any]] = {
 }
 LEARNERS = {"ppo": PPO, "sac": SAC, "td3": TD3}
 SECONDS = {"ppo": 300.0, "sac": 1800.0, "td3": 1800.0}
-COLUMNS = (
-    "algorithm",
-    "seed",
-    "cpu_seconds",
-    "wall_seconds",
-    "simulation_steps",
-    "speed",
-    "ci95_low",
-    "ci95_high",
-)
-
 Algorithm = Literal["ppo", "sac", "td3"]
 Array = NDArray[np.float64]
 
@@ -147,47 +133,6 @@ class Swimmers(VecEnv):
         return [False] * len(list(self._get_indices(indices)))
 
 
-class Agent:
-    """A learned policy in the dm_control tasks, each action held for five control steps."""
-
-    def __init__(self, model: PPO | SAC | TD3) -> None:
-        self.model = model
-        self.calls = 0
-        self.action: Array | None = None
-
-    def __call__(self, observation: Mapping[str, Any]) -> Array:
-        """Actions for a batch of observations."""
-        if self.action is None or self.calls % HOLD == 0:
-            predicted, _ = self.model.predict(inputs(observed_state(observation)), deterministic=True)
-            self.action = predicted.astype(np.float64)
-        self.calls += 1
-        return self.action
-
-
-class Clock:
-    """Time that runs only between start and stop: of this process's processor, and on the wall."""
-
-    def __init__(self) -> None:
-        self.before = (0.0, 0.0)
-        self.start()
-
-    def start(self) -> None:
-        """Go on."""
-        self.started = (time.process_time(), time.perf_counter())
-
-    def read(self) -> tuple[float, float]:
-        """Seconds so far."""
-        now = (time.process_time(), time.perf_counter())
-        processor, wall = (
-            before + t - t0 for before, t, t0 in zip(self.before, now, self.started, strict=True)
-        )
-        return processor, wall
-
-    def stop(self) -> None:
-        """Stand still."""
-        self.before = self.read()
-
-
 class Evaluate(BaseCallback):
     """Evaluate now and then, with the clock stopped; end when the time is over."""
 
@@ -196,27 +141,23 @@ class Evaluate(BaseCallback):
         self.label = (algorithm, seed)
         self.limit, self.every = seconds, every
         self.clock, self.next = Clock(), every
-        self.rows: list[tuple[str | int, ...]] = []
+        self.rows: list[Row] = []
 
     def _on_step(self) -> bool:
-        processor, wall = self.clock.read()
+        processor, _ = self.clock.read()
         if processor < min(self.next, self.limit):
             return True
         self.clock.stop()
-        speed = evaluate_swimming(Agent(self.model), PAPER)
-        numbers = map("{:.4f}".format, (speed.mean, *speed.ci95))
-        row = (*self.label, f"{processor:.1f}", f"{wall:.1f}", HOLD * self.num_timesteps, *numbers)
-        Console().print(*row)
-        self.rows.append(row)
+        speed = swimming_speed(self._act, hold=HOLD)
+        self.rows.append(row(*self.label, self.clock, HOLD * self.num_timesteps, speed))
+        Console().print(*self.rows[-1])
         self.next = processor + self.every
         self.clock.start()
         return processor < self.limit
 
-
-def finished(out: Path) -> set[tuple[str, int]]:
-    """What ``out`` has already."""
-    with out.open(newline="") as file:
-        return {(row["algorithm"], int(row["seed"])) for row in csv.DictReader(file)}
+    def _act(self, states: Array) -> Array:
+        actions, _ = self.model.predict(inputs(states), deterministic=True)
+        return actions
 
 
 def main(
@@ -236,9 +177,6 @@ def main(
         out: CSV to append rows to, those of a learner when it is done.
     """
     torch.set_num_threads(1)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    if not out.exists():
-        out.write_text(",".join(COLUMNS) + "\n")
     for seed in seeds:
         for algorithm in algorithms:
             if (algorithm, seed) in finished(out):
@@ -249,8 +187,7 @@ def main(
             evaluate = Evaluate(algorithm, seed, SECONDS[algorithm] if seconds is None else seconds, every)
             model.learn(2**62, callback=evaluate)
             environments.close()
-            with out.open("a", newline="") as file:
-                csv.writer(file, lineterminator="\n").writerows(evaluate.rows)
+            append(out, evaluate.rows)
 
 
 if __name__ == "__main__":

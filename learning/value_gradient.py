@@ -60,6 +60,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+Real = NDArray[Any]  # the network's dtype
 Network = TypeVar("Network", bound=ValueNetwork)
 
 
@@ -248,6 +249,10 @@ class _Engine(Protocol):
         """The loss's gradient over the minibatch at ``start`` into ``out``; the two errors."""
         ...
 
+    def control(self, weights: Tensor, x: Array) -> Array:
+        """Greedy control, shape (N, q)."""
+        ...
+
     def episodes(self, weights: Tensor, x: Array, shares: Array, dt: float) -> Array:
         """Sums (N,) over greedy episodes of the reward rates times ``shares`` (steps,); RK4, control held for dt."""
         ...
@@ -335,6 +340,12 @@ class _TorchEngine:
             gradients = torch.autograd.grad(loss, self.parameters)
         torch.cat([y.flatten() for y in gradients], out=out)
         return float(value_error.detach()), float(slope_error.detach())
+
+    def control(self, weights: Tensor, x: Array) -> Array:
+        self._load(weights)
+        state = torch.tensor(x, device=self.device)
+        _, dVdx = self._value_and_slope(state)
+        return self._greedy(state, dVdx.double()).cpu().numpy()
 
     def episodes(self, weights: Tensor, x: Array, shares: Array, dt: float) -> Array:
         problem = self.problem
@@ -425,18 +436,27 @@ class _CompiledEngine:
             out,
         )
 
-    def episodes(self, weights: Tensor, x: Array, shares: Array, dt: float) -> Array:
-        count = len(x)
-        padded = np.concatenate([x, np.repeat(x[-1:], -count % BLOCK, axis=0)])
-        state = np.ascontiguousarray(padded.T)
-        N = len(padded)
+    def _padded(self, x: Array) -> tuple[Array, Real, Array, Array, Array, Array]:
+        """The states as columns, in whole blocks; room for z, V, dV/dx and u; flips of 1."""
+        rows = np.concatenate([x, np.repeat(x[-1:], -len(x) % BLOCK, axis=0)])
+        N = len(rows)
         z, V, dVdx = np.empty((self.m, N), self.real), np.empty(N), np.empty((self.p, N))
-        u, flips, total = np.empty((self.q, N)), np.ones((self.q, N)), np.zeros(N)
+        return np.ascontiguousarray(rows.T), z, V, dVdx, np.empty((self.q, N)), np.ones((self.q, N))
+
+    def control(self, weights: Tensor, x: Array) -> Array:
+        state, z, V, dVdx, u, flips = self._padded(x)
+        self.network.judge(weights, state, z, V, dVdx)
+        batched_swimmer.greedy_step(self.ws, self.constants, self.limits, state, dVdx, flips, 0.0, u, state)
+        return u[:, : len(x)].T.copy()
+
+    def episodes(self, weights: Tensor, x: Array, shares: Array, dt: float) -> Array:
+        state, z, V, dVdx, u, flips = self._padded(x)
+        total = np.zeros(state.shape[1])
         for share in shares:
             self.network.judge(weights, state, z, V, dVdx)
             total += share * state[self.p - 2]
             batched_swimmer.greedy_rk4(self.ws, self.constants, self.limits, state, dVdx, flips, dt, u, state)
-        return total[:count]
+        return total[: len(x)]
 
 
 # Learner ---------------------------------------------------------------------------------------------------------
@@ -563,6 +583,11 @@ class ValueGradientLearner(Generic[Network]):
     def policy(self) -> GreedyPolicy[Network]:
         """The greedy policy of the averaged weights."""
         return GreedyPolicy(self.problem, self.averaged_network().cpu())
+
+    @torch.no_grad()
+    def control(self, states: Array) -> Array:
+        """Greedy control, shape (N, q), by the averaged weights at states (N, p): the policy, without V and H."""
+        return self._engine.control(self._average, np.asarray(states, np.float64))
 
     @torch.no_grad()
     def rollout(

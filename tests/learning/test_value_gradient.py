@@ -231,6 +231,9 @@ def test_engines_agree_over_rounds(network):
     starts = problem.initial_states(np.random.default_rng(1), 40)  # not a whole number of blocks
     speeds = [learner.rollout(starts, 0.5, skip=0.2) for learner in (compiled, reference)]
     assert speeds[0] == pytest.approx(speeds[1], rel=1e-9)
+    policy = reference.policy()
+    for learner in (compiled, reference):
+        np.testing.assert_array_equal(learner.control(starts), policy(starts))
 
 
 def test_single_precision_follows_double():

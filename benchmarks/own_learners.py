@@ -1,0 +1,156 @@
+"""How fast do the learners of this project learn to swim? By the clock and the speed of ``peers_sb3.py``.
+
+    python benchmarks/own_learners.py
+
+adds to benchmarks/results/own-learners.csv, a row an evaluation: value gradients (docs/beyond.md) and the paper's
+TD(lambda), with the settings that ``swimmer-mj train`` has for them, each learner on one core. What is there already is
+not done again; compilation, which is once for an installation, is not counted. ``compare_learners.py`` makes the table
+and the plot.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+import torch
+import tyro
+from numpy.typing import NDArray
+from rich.console import Console
+from yardstick import Clock, Row, append, finished, row, swimming_speed
+
+from swimmer_mj.learning.evaluation import SwimmingSpeed
+from swimmer_mj.learning.fused import FusedTD
+from swimmer_mj.learning.networks import Cascade
+from swimmer_mj.learning.trainer import TrainConfig, value_gradient_config
+from swimmer_mj.learning.value_gradient import ValueGradientLearner
+from swimmer_mj.parameters import PAPER
+
+SECONDS = {"value-gradient": 120.0, "td": 400.0}
+FIRST_LOOK = 1.0  # s
+GROWTH = 1.15  # of the time from look to look
+TRIALS = 20  # of TD(lambda) between looks at the clock
+
+Array = NDArray[np.float64]
+
+
+class Learner(Protocol):
+    """What is timed."""
+
+    def learn(self) -> None:
+        """A little more."""
+        ...
+
+    @property
+    def simulation_steps(self) -> int:
+        """Steps of 0.01 s that have been simulated."""
+        ...
+
+    def policy(self) -> Callable[[Array], Array]:
+        """From states to torques (N m), as learned so far."""
+        ...
+
+
+class ValueGradients:
+    """``swimmer-mj train --method value-gradient``."""
+
+    def __init__(self, seed: int) -> None:
+        config = value_gradient_config(seed)
+        problem = config.make_problem()
+        network = config.make_network(problem)
+        self.learner = ValueGradientLearner(problem, network, config.value_gradient, seed=seed)
+
+    def learn(self) -> None:
+        """One round."""
+        self.learner.step()
+
+    @property
+    def simulation_steps(self) -> int:
+        """Steps of 0.01 s that have been simulated."""
+        return self.learner.simulation_steps
+
+    def policy(self) -> Callable[[Array], Array]:
+        """By the averaged weights."""
+        return self.learner.control
+
+
+class TemporalDifferences:
+    """``swimmer-mj train``: the paper's algorithm with eta 0.04."""
+
+    def __init__(self, seed: int) -> None:
+        config = TrainConfig(seed=seed)
+        self.problem = config.make_problem()
+        network = config.make_network(self.problem)
+        assert isinstance(network, Cascade)
+        self.fused = FusedTD(self.problem, network, config.td)
+        self.rng = np.random.default_rng(seed)
+        self.simulation_steps = 0
+        self.steps = TRIALS * config.td.steps_per_trial
+
+    def learn(self) -> None:
+        """Some trials."""
+        self.fused.train(self.problem.initial_states(self.rng, TRIALS))
+        self.simulation_steps += self.steps
+
+    def policy(self) -> Callable[[Array], Array]:
+        """By the weights as they are, compiled for batches."""
+        return ValueGradientLearner(self.problem, copy.deepcopy(self.fused.network)).control
+
+
+LEARNERS: dict[str, type[ValueGradients] | type[TemporalDifferences]] = {
+    "value-gradient": ValueGradients,
+    "td": TemporalDifferences,
+}
+
+
+def speed_of(policy: Callable[[Array], Array]) -> SwimmingSpeed:
+    """On MuJoCo, of a policy in N m."""
+    return swimming_speed(lambda states: policy(states) / PAPER.torque_limits)
+
+
+def run(name: str, seed: int, seconds: float) -> list[Row]:
+    """Learn for so much processor time, with looks in between that do not count."""
+    learner: Learner = LEARNERS[name](seed)
+    rows: list[Row] = []
+    clock, look = Clock(), FIRST_LOOK
+    while clock.read()[0] < seconds:
+        learner.learn()
+        if clock.read()[0] >= min(look, seconds):
+            clock.stop()
+            speed = speed_of(learner.policy())
+            rows.append(row(name, seed, clock, learner.simulation_steps, speed))
+            Console().print(*rows[-1])
+            look *= GROWTH
+            clock.start()
+    return rows
+
+
+def main(
+    algorithms: Sequence[Literal["value-gradient", "td"]] = ("value-gradient", "td"),
+    seeds: Sequence[int] = tuple(range(10)),
+    seconds: float | None = None,
+    out: Path = Path("benchmarks/results/own-learners.csv"),
+) -> None:
+    """Train each algorithm with each seed, one after the other.
+
+    Args:
+        algorithms: Which.
+        seeds: Of networks and initial states.
+        seconds: Processor time of each; by default 120 for value gradients, 400 for TD(lambda).
+        out: CSV to append rows to, those of a learner when it is done.
+    """
+    torch.set_num_threads(1)
+    for name in algorithms:
+        todo = [seed for seed in seeds if (name, seed) not in finished(out)]
+        if todo:
+            compiled: Learner = LEARNERS[name](0)
+            compiled.learn()
+        for seed in todo:
+            append(out, run(name, seed, SECONDS[name] if seconds is None else seconds))
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

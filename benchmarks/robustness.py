@@ -1,0 +1,158 @@
+"""Does a learned policy live on its model's exact numbers? Finer integration, and a swimmer that is 10 % off.
+
+    python benchmarks/robustness.py RUN
+
+evaluates the best weights of each seed in a directory of runs of 5 links that ``swimmer-mj train`` made, on MuJoCo:
+
+- by the definition of swimming speed: RK4 at 0.01 s, controls held for 0.01 s;
+- with ten RK4 steps of 0.001 s for each control;
+- with one parameter of the simulated swimmer 10 % up or down, while the policy goes on computing its controls with the
+  parameters it learned with;
+- with the mass, length and torque limit of every link and joint, and the friction, drawn from -10 % to 10 %.
+
+One CSV with a row a seed and change, and a table of means and bootstrap 95 % intervals over seeds.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+import tyro
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+from yardstick import CONTROL_TIMESTEP, swimming_speed
+
+from swimmer_mj import suite
+from swimmer_mj.learning.evaluation import (
+    EPISODE_DURATION,
+    N_EPISODES,
+    SETTLING_TIME,
+    evaluation_states,
+    mean_and_interval,
+)
+from swimmer_mj.learning.policy import GreedyPolicy
+from swimmer_mj.learning.trainer import load_policy
+from swimmer_mj.learning.value_gradient import ValueGradientLearner
+from swimmer_mj.parameters import PAPER, SwimmerParameters
+
+Array = NDArray[np.float64]
+
+COLUMNS = ("seed", "change", "speed")
+FINER = 10
+N_DRAWS = 4
+OFF = 0.1
+
+N_STEPS, N_SETTLING = (round(t / CONTROL_TIMESTEP) for t in (EPISODE_DURATION, SETTLING_TIME))
+
+
+def changed_swimmers() -> Iterator[tuple[str, SwimmerParameters]]:
+    """What is changed, and the swimmer that has it."""
+    yield "none", PAPER
+    for sign, word in ((1, "up"), (-1, "down")):
+        factor = 1 + sign * OFF
+        yield f"mass {word}", dataclasses.replace(PAPER, mass=factor)
+        yield f"length {word}", dataclasses.replace(PAPER, length=factor)
+        yield f"friction {word}", dataclasses.replace(PAPER, viscous_friction=10.0 * factor)
+        yield f"torque limit {word}", dataclasses.replace(PAPER, torque_limit=5.0 * factor)
+    n = PAPER.n_links
+    for draw in range(N_DRAWS):
+        rng = np.random.default_rng(draw)
+        mass, length, torque = (rng.uniform(1 - OFF, 1 + OFF, count).tolist() for count in (n, n, n - 1))
+        yield (
+            f"all, draw {draw}",
+            SwimmerParameters(
+                n, mass, length, 10.0 * rng.uniform(1 - OFF, 1 + OFF), [5.0 * u for u in torque]
+            ),
+        )
+
+
+def quick(policy: GreedyPolicy) -> Callable[[Array], Array]:
+    """The policy as actions in [-1, 1], by compiled code where there is some for its network."""
+    learner = ValueGradientLearner(policy.problem, policy.network)
+    return lambda states: learner.control(states) / policy.problem.control_limits
+
+
+def speed_with_finer_steps(act: Callable[[Array], Array]) -> float:
+    """Mean over the evaluation's episodes, m/s, with :data:`FINER` steps of MuJoCo for each control."""
+    starts = evaluation_states(PAPER.n_links)
+    remaining = iter(starts)
+    environments = [
+        suite.swim(
+            PAPER,
+            time_limit=float("inf"),
+            initial_states=lambda _: next(remaining),
+            environment_kwargs={"n_sub_steps": FINER},
+        )
+        for _ in starts
+    ]
+    for environment in environments:
+        environment.physics.model.opt.timestep = CONTROL_TIMESTEP / FINER
+        environment.reset()
+    rewards = np.zeros((N_STEPS, N_EPISODES))
+    for t in range(N_STEPS):
+        states = np.array([environment.physics.reduced_state() for environment in environments])
+        actions = act(states)
+        rewards[t] = [
+            environment.step(action).reward for environment, action in zip(environments, actions, strict=True)
+        ]
+    for environment in environments:
+        environment.physics.free()
+    return float(rewards[N_SETTLING:].mean())
+
+
+def print_table(rows: list[tuple[int, str, float]], console: Console) -> None:
+    """Speed of each change, and its share of the unchanged swimmer's, seed by seed."""
+    table = Table(
+        "change", "speed, m/s", "95 %", "of its own speed", "lowest", title="Swimming speed over seeds"
+    )
+    own = {seed: speed for seed, change, speed in rows if change == "none"}
+    for change in dict.fromkeys(change for _, change, _ in rows):
+        speeds = {seed: speed for seed, what, speed in rows if what == change}
+        mean, (low, high) = mean_and_interval(np.array(list(speeds.values())))
+        shares = np.array([speed / own[seed] for seed, speed in speeds.items()])
+        table.add_row(
+            change, f"{mean:.3f}", f"{low:.3f} to {high:.3f}", f"{shares.mean():.3f}", f"{shares.min():.3f}"
+        )
+    console.print(table)
+
+
+def main(run: tyro.conf.Positional[Path], out: Path = Path("benchmarks/results/robustness.csv")) -> None:
+    """Evaluate the best weights of each seed under changes that they were not learned with.
+
+    Args:
+        run: Directory with runs ``seed-0``, ``seed-1`` and so on, of 5 links.
+        out: CSV to write.
+    """
+    torch.set_num_threads(1)
+    console = Console()
+    directories = sorted(run.glob("seed-*"), key=lambda path: int(path.name.split("-")[1]))
+    if not directories:
+        raise SystemExit(
+            f"there is no seed-* in {run}; make them with swimmer-mj train --seeds 0-9 --out {run}"
+        )
+    rows: list[tuple[int, str, float]] = []
+    for directory in directories:
+        policy, config, _ = load_policy(directory)
+        if config.problem != "swim" or config.parameters != PAPER:
+            raise SystemExit(f"{directory} is not a run of the paper's swimmer of 5 links")
+        act = quick(policy)
+        for change, parameters in changed_swimmers():
+            rows.append((config.seed, change, swimming_speed(act, parameters).mean))
+        rows.append((config.seed, f"steps of {CONTROL_TIMESTEP / FINER} s", speed_with_finer_steps(act)))
+        console.print(f"{directory}: {rows[-1][2]:.3f} m/s with finer steps")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with out.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows((seed, change, f"{speed:.4f}") for seed, change, speed in rows)
+    print_table(rows, console)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

@@ -1,0 +1,122 @@
+"""What learners are held against: swimming speed, the time that they took, and a row for each look at them."""
+
+from __future__ import annotations
+
+import csv
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimmer_mj.learning.evaluation import (
+    EPISODE_DURATION,
+    N_EPISODES,
+    SETTLING_TIME,
+    SwimmingSpeed,
+    evaluation_states,
+    mean_and_interval,
+)
+from swimmer_mj.parameters import PAPER, SwimmerParameters
+from swimmer_mj.vector import SwimmerVectorEnv
+
+CONTROL_TIMESTEP = 0.01  # s
+
+COLUMNS = (
+    "algorithm",
+    "seed",
+    "cpu_seconds",
+    "wall_seconds",
+    "simulation_steps",
+    "speed",
+    "ci95_low",
+    "ci95_high",
+)
+
+Row = tuple[str | int, ...]
+
+
+class Clock:
+    """Time that runs only between start and stop: of this process's processor, and on the wall."""
+
+    def __init__(self) -> None:
+        self.before = (0.0, 0.0)
+        self.start()
+
+    def start(self) -> None:
+        """Go on."""
+        self.started = (time.process_time(), time.perf_counter())
+
+    def read(self) -> tuple[float, float]:
+        """Seconds so far."""
+        now = (time.process_time(), time.perf_counter())
+        processor, wall = (
+            before + t - t0 for before, t, t0 in zip(self.before, now, self.started, strict=True)
+        )
+        return processor, wall
+
+    def stop(self) -> None:
+        """Stand still."""
+        self.before = self.read()
+
+
+def finished(out: Path) -> set[tuple[str, int]]:
+    """The learners (algorithm, seed) that ``out`` has already; an empty table is made where there is none."""
+    if not out.exists():
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(",".join(COLUMNS) + "\n")
+    with out.open(newline="") as file:
+        return {(row["algorithm"], int(row["seed"])) for row in csv.DictReader(file)}
+
+
+def append(out: Path, rows: Iterable[Row]) -> None:
+    """Add the rows of a learner that is done."""
+    with out.open("a", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows)
+
+
+def row(algorithm: str, seed: int, clock: Clock, simulation_steps: int, speed: SwimmingSpeed) -> Row:
+    """One look at a learner, in the order of :data:`COLUMNS`; the clock stands still."""
+    processor, wall = clock.before
+    numbers = map("{:.4f}".format, (speed.mean, *speed.ci95))
+    return (algorithm, seed, f"{processor:.1f}", f"{wall:.1f}", simulation_steps, *numbers)
+
+
+def swimming_speed(
+    act: Callable[[NDArray[np.float64]], NDArray[np.floating]],
+    parameters: SwimmerParameters = PAPER,
+    *,
+    hold: int = 1,
+) -> SwimmingSpeed:
+    """The number of ``swimmer_mj.learning.evaluation.evaluate_swimming``, sooner, on one core.
+
+    The 64 episodes are one vector environment, whose dynamics and rewards are those of the dm_control task, number
+    for number: tests/swimmer_mj/test_gymnasium.py.
+
+    Parameters
+    ----------
+    act : callable
+        From states (64, 2n + 2) to actions in [-1, 1], shape (64, n - 1).
+    parameters : SwimmerParameters
+        The swimmer: 3, 4 or 5 links.
+    hold : int
+        Control steps for which an action is held.
+    """
+    starts = iter(evaluation_states(parameters.n_links))
+    swimmers = SwimmerVectorEnv(
+        f"swim{parameters.n_links}",
+        N_EPISODES,
+        nthread=1,
+        params=parameters,
+        frame_skip=hold,
+        initial_states=lambda _: next(starts),
+    )
+    n_steps, n_settling = (round(t / (CONTROL_TIMESTEP * hold)) for t in (EPISODE_DURATION, SETTLING_TIME))
+    rewards = np.zeros((n_steps, N_EPISODES))
+    states, _ = swimmers.reset(seed=0)
+    for t in range(n_steps):
+        states, rewards[t], *_ = swimmers.step(act(states).astype(np.float64))
+    swimmers.close()
+    speeds = rewards[n_settling:].mean(axis=0)
+    return SwimmingSpeed(speeds, *mean_and_interval(speeds))
