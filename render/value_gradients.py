@@ -1,0 +1,144 @@
+"""What matters to value gradients, how fast other swimmers get, and whether speed lasts: drawn from the logs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
+from numpy.typing import NDArray
+
+from swimmer_mj.learning.evaluation import mean_and_interval
+from swimmer_mj.learning.experiments import value_gradients
+from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where
+from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, plain_axes
+
+__all__ = ["draw_ablation", "draw_lasting", "draw_links"]
+
+Array = NDArray[np.float64]
+Logs = str | os.PathLike[str]
+
+FAST = 1.5
+"""m/s; how long it takes to get there is drawn beside the speed at the end."""
+
+
+def _seeds(table: Table) -> list[Table]:
+    """The rows of each seed."""
+    return [rows_where(table, seed=float(seed)) for seed in np.unique(table["seed"])]
+
+
+def _interval(axes: Axes, values: Array, y: float, color: str) -> None:
+    """Each value, and their mean with its 95 % interval, along a horizontal line."""
+    axes.plot(values, np.full(len(values), y), "|", color=GREY, markersize=8)
+    mean, interval = mean_and_interval(values)
+    axes.plot(interval, [y, y], color=color, linewidth=2.2, solid_capstyle="butt")
+    axes.plot(mean, y, "o", color=color, markersize=5.5)
+
+
+def draw_ablation(logs: Logs = LOGS) -> Figure:
+    """Speed at the end and time to 1.5 m/s with one setting changed: each seed, mean and 95 % interval."""
+    table = read_table(Path(logs) / value_gradients.ABLATION_LOG)
+    settings = list(dict.fromkeys(zip(table["factor"].tolist(), table["setting"].tolist(), strict=True)))
+    figure = Figure(figsize=(9.6, 0.29 * len(settings) + 1.3), layout="constrained")
+    speed, time = figure.subplots(1, 2, sharey=True, width_ratios=[1.25, 1])
+    for axes in (speed, time):
+        plain_axes(axes)
+    n_seeds = 0
+    for y, (factor, setting) in enumerate(settings):
+        seeds = _seeds(rows_where(table, factor=factor, setting=setting))
+        n_seeds = max(n_seeds, len(seeds))
+        color = INK if y == 0 else BLUE
+        final = np.array([one["speed"][-1] for one in seeds])
+        _interval(speed, final, y, color)
+        reached = np.array(
+            [one["cpu_seconds"][one["speed"] >= FAST][0] for one in seeds if one["speed"].max() >= FAST]
+        )
+        if len(reached):
+            _interval(time, reached, y, color)
+        if len(reached) < len(seeds):
+            time.annotate(
+                f"{len(reached)} of {len(seeds)}",
+                (1, y),
+                xycoords=("axes fraction", "data"),
+                ha="right",
+                va="center",
+                fontsize=8,
+                color=INK,
+            )
+        if y == 0:
+            speed.axvline(float(final.mean()), color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
+    speed.set_yticks(
+        range(len(settings)),
+        [f"{factor}: {setting}" if setting else factor for factor, setting in settings],
+    )
+    speed.set_ylim(len(settings) - 0.4, -0.6)
+    speed.set_xlim(left=min(0.0, speed.get_xlim()[0]))
+    steps = float(table["simulation_steps"].max()) / 1e6
+    speed.set_xlabel(f"swimming speed after {steps:.0f} million steps  (m/s)")
+    time.set_xscale("log")
+    time.xaxis.set_major_formatter(EngFormatter(sep=""))
+    time.set_xlabel(f"processor time to {FAST} m/s  (s)")
+    figure.suptitle(f"{n_seeds} seeds: each, mean and 95 % interval of the mean", fontsize=10)
+    return figure
+
+
+def draw_links(logs: Logs = LOGS) -> Figure:
+    """Speed against simulation for each number of links, and the best of each seed."""
+    table = read_table(Path(logs) / value_gradients.LINKS_LOG)
+    numbers = np.unique(table["setting"])
+    figure = Figure(figsize=(9.6, 4.2), layout="constrained")
+    curves, best = figure.subplots(1, 2, sharey=True, width_ratios=[1.6, 1])
+    for axes in (curves, best):
+        plain_axes(axes)
+    for color, n in zip(COLORS, numbers, strict=False):
+        seeds = _seeds(rows_where(table, setting=float(n)))
+        for one in seeds:
+            curves.plot(one["simulation_steps"], one["speed"], color=color, linewidth=0.5, alpha=0.35)
+        length = min(len(one["speed"]) for one in seeds)
+        median = np.median([one["speed"][:length] for one in seeds], axis=0)
+        label = f"{n:.0f} links, {len(seeds)} seeds"
+        curves.plot(seeds[0]["simulation_steps"][:length], median, color=color, linewidth=1.8, label=label)
+        fastest = np.array([one["speed"].max() for one in seeds])
+        best.plot(np.full(len(fastest), n), fastest, "_", color=GREY, markersize=10)
+        mean, interval = mean_and_interval(fastest)
+        best.plot([n, n], interval, color=color, linewidth=2.4, solid_capstyle="butt")
+        best.plot(n, mean, "o", color=color, markersize=6)
+    curves.set_xscale("log")
+    curves.xaxis.set_major_formatter(EngFormatter(sep=""))
+    curves.set_xlabel("simulation steps of 0.01 s")
+    curves.set_ylabel("swimming speed  (m/s)")
+    curves.set_ylim(bottom=0)
+    best.set_xticks(numbers)
+    best.set_xlabel("links")
+    best.set_title("best of each seed, mean and 95 % interval", fontsize=9)
+    figure.legend(*curves.get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)
+    return figure
+
+
+def draw_lasting(logs: Logs = LOGS) -> Figure:
+    """Speed of each seed over long learning, and as a share of its best so far."""
+    table = read_table(Path(logs) / value_gradients.LASTING_LOG)
+    figure = Figure(figsize=(8.0, 5.6), layout="constrained")
+    speed, share = figure.subplots(2, 1, sharex=True, height_ratios=[1.4, 1])
+    for axes in (speed, share):
+        plain_axes(axes)
+    for k, one in enumerate(_seeds(table)):
+        color = COLORS[k % len(COLORS)]
+        style = "-" if k < len(COLORS) else (0, (4, 2))
+        at, v = one["simulation_steps"], one["speed"]
+        peak = int(np.argmax(v))
+        speed.plot(at, v, color=color, linestyle=style, linewidth=0.9, label=f"seed {one['seed'][0]:.0f}")
+        speed.plot(at[peak], v[peak], "o", color=color, markersize=4.5)
+        share.plot(at, v / np.maximum.accumulate(v), color=color, linestyle=style, linewidth=0.9)
+    share.axhline(0.95, color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
+    share.set_ylim(top=1.01)
+    share.set_ylabel("share of the best so far")
+    share.set_xlabel("simulation steps of 0.01 s")
+    share.xaxis.set_major_formatter(EngFormatter(sep=""))
+    speed.set_ylabel("swimming speed  (m/s)")
+    speed.set_ylim(bottom=0)
+    figure.legend(*speed.get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)
+    return figure
