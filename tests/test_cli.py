@@ -8,8 +8,9 @@ from typing import ClassVar, get_args, get_type_hints
 import numpy as np
 import pytest
 
-from swimmer_mj import cli
-from swimmer_mj.cli import main
+from swimmer_mj.cli import main, viewing
+from swimmer_mj.cli.runs import free_directory
+from swimmer_mj.cli.training import parse_seeds
 from swimmer_mj.render.curves import read_metrics
 from swimmer_mj.trajectory import Trajectory
 
@@ -87,15 +88,15 @@ def test_bad_usage_is_one_line_on_standard_error(tmp_path, monkeypatch, capsys, 
 
 
 def test_parse_seeds():
-    assert cli._parse_seeds("0-7") == list(range(8))
-    assert cli._parse_seeds("4, 1-2,9") == [4, 1, 2, 9]
+    assert parse_seeds("0-7") == list(range(8))
+    assert parse_seeds("4, 1-2,9") == [4, 1, 2, 9]
 
 
 def test_a_taken_directory_gets_a_number(tmp_path):
-    assert cli._free_directory(tmp_path / "demo") == tmp_path / "demo"
+    assert free_directory(tmp_path / "demo") == tmp_path / "demo"
     (tmp_path / "demo").mkdir()
     (tmp_path / "demo-2").mkdir()
-    assert cli._free_directory(tmp_path / "demo") == tmp_path / "demo-3"
+    assert free_directory(tmp_path / "demo") == tmp_path / "demo-3"
 
 
 def test_validate(capsys, tmp_path):
@@ -249,7 +250,7 @@ def viewer(monkeypatch):
                 step = env.step(actions[-1])
             self.calls.append((self.title, env.physics.parameters.n_links, np.array(actions), step.last()))
 
-    monkeypatch.setattr(cli, "_lacks_screen", lambda: None)
+    monkeypatch.setattr(viewing, "lacks_screen", lambda: None)
     monkeypatch.setattr(backend, "use_backend", lambda name=None: name)
     monkeypatch.setattr(application, "Application", Recorder)
     Recorder.calls.clear()
@@ -286,7 +287,7 @@ def test_view_shows_the_policy_of_a_run(tmp_path, capsys, viewer):
 def test_view_names_the_tasks_there_are():
     from swimmer_mj import SUITE
 
-    assert {*get_args(get_type_hints(cli.view)["task"])} == {*SUITE}
+    assert {*get_args(get_type_hints(viewing.view)["task"])} == {*SUITE}
 
 
 def test_module_is_the_command():

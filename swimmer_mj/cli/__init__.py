@@ -1,0 +1,88 @@
+"""Command line: ``swimmer-mj``, also ``python -m swimmer_mj``.
+
+Every command imports what it needs when it runs. With ``--json`` a command prints one JSON object on standard output
+and nothing else there. Exit status: 0 done, 1 a check failed, 2 bad usage or bad input (one line on standard error).
+The commands stand in the modules of this package; each function's signature and docstring are its command's help.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import re
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import tyro
+from tyro.conf import FlagCreatePairsOff
+
+from swimmer_mj.cli.checks import bench, doctor, validate
+from swimmer_mj.cli.demonstration import demo
+from swimmer_mj.cli.output import CheckFailedError
+from swimmer_mj.cli.pictures import figures, render
+from swimmer_mj.cli.runs import evaluate, info
+from swimmer_mj.cli.training import train
+from swimmer_mj.cli.viewing import view
+
+__all__ = ["COMMANDS", "main"]
+
+COMMANDS: tuple[Callable[..., None], ...] = (
+    demo, train, evaluate, render, view, validate, figures, bench, info, doctor,
+)  # fmt: skip
+"""In the order of the help."""
+
+_DESCRIPTION = "The swimmer of Coulom (2002) and the learner that makes it swim."
+
+
+def _deferred(command: Callable[..., None]) -> Callable[..., Any]:
+    """``command`` that returns the call instead of making it."""
+
+    @functools.wraps(command)
+    def parsed(*args: Any, **kwargs: Any) -> Any:
+        return functools.partial(command, *args, **kwargs)
+
+    return parsed
+
+
+def _parse(arguments: Sequence[str]) -> Callable[[], None]:
+    """The call that ``arguments`` ask for."""
+    app = tyro.extras.SubcommandApp()
+    for command in COMMANDS:
+        app.command(_deferred(command))
+    return app.cli(prog="swimmer-mj", description=_DESCRIPTION, args=arguments, config=(FlagCreatePairsOff,))
+
+
+def _one_line(message: str) -> str:
+    """A message without line breaks and without the boxes that the parser draws."""
+    return " ".join(re.sub(r"\x1b\[[0-9;]*m|[─│╭╮╰╯]", " ", message).split())
+
+
+def _complain(message: str) -> int:
+    print(f"swimmer-mj: {_one_line(message)}", file=sys.stderr)
+    return 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit status."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    complaint = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(complaint):
+            command = _parse(arguments)
+    except SystemExit as stop:
+        return _complain(complaint.getvalue()) if stop.code else 0
+    from swimmer_mj.render.backend import BackendError, use_backend
+
+    with contextlib.suppress(BackendError):
+        use_backend()  # else dm_control looks for a screen when it is imported, also where nothing is drawn
+    try:
+        command()
+    except CheckFailedError:
+        return 1
+    except KeyboardInterrupt:
+        return _complain("interrupted") and 130
+    except (ValueError, OSError, FloatingPointError, BackendError) as error:
+        return _complain(str(error))
+    return 0

@@ -1,0 +1,134 @@
+"""``render`` and ``figures``: pictures of a run, and those of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from tyro.conf import Positional
+
+from swimmer_mj.cli.output import make_console, print_json
+from swimmer_mj.cli.runs import Which, run_directories
+
+__all__ = ["Backend", "figures", "render", "render_run"]
+
+Backend = Literal["osmesa", "egl", "glfw", "cgl"]
+
+
+def render(
+    run: Positional[Path],
+    out: Path | None = None,
+    which: Which = "best",
+    duration: float = 13.0,
+    fps: int = 30,
+    backend: Backend | None = None,
+    json: bool = False,
+) -> None:
+    """Video, film strip, learning curve and plots of an episode of a trained run.
+
+    Args:
+        run: Run directory.
+        out: Where to put them; the run directory by default.
+        which: The weights that were fastest while training, or the last.
+        duration: Length of the episode, s; the target direction is reversed after 5/13 of it, as in figure 3.
+        fps: Frames per second of the video.
+        backend: OpenGL backend; OSMesa by default.
+        json: Print one JSON object.
+    """
+    if not duration >= 1:
+        raise ValueError(f"--duration must be at least 1 s, got {duration}")
+
+    from swimmer_mj.render.backend import use_backend
+
+    use_backend(backend)
+    console = make_console(json)
+    (directory,) = run_directories(run)[:1]
+    with console.status(f"drawing {directory}"):
+        pictures = render_run(directory, out or directory, duration, fps, which)
+    for path in pictures.values():
+        console.print(f"  {path}")
+    if json:
+        print_json({name: str(path) for name, path in pictures.items()})
+
+
+def render_run(
+    directory: Path,
+    out: Path,
+    duration: float,
+    fps: int,
+    which: Which = "best",
+    beside: Sequence[tuple[str, Path]] = (),
+) -> dict[str, Path]:
+    """Draw all there is to see of a run; the backend is chosen before."""
+    import math
+
+    from swimmer_mj.learning.evaluation import evaluation_states, record_episode
+    from swimmer_mj.learning.trainer import LOG, load_policy
+    from swimmer_mj.render.curves import OPEN_LOOP_SPEED, learning_curve, rollout_plot
+    from swimmer_mj.render.figures import save_figure
+    from swimmer_mj.render.strip import film_strip
+    from swimmer_mj.render.video import frames, write_video
+
+    policy, config, _ = load_policy(directory, which)
+    if config.problem != "swim":
+        raise ValueError(f"{directory} learned {config.problem!r}; only swimmers are drawn")
+    n = config.parameters.n_links
+    reversal = duration * 5 / 13
+    trajectory = record_episode(
+        policy,
+        config.parameters,
+        evaluation_states(n)[0],
+        duration,
+        lambda now: 0.0 if now < reversal - 1e-9 else math.pi,
+    )
+    paths = {
+        "video": out / "swimmer.mp4",
+        "film_strip": out / "film-strip.png",
+        "learning_curve": out / "learning-curve.png",
+        "episode": out / "episode.png",
+        "trajectory": out / "trajectory.npz",
+    }
+    trajectory.save(paths["trajectory"])
+    write_video(paths["video"], frames(trajectory, fps=fps), fps)
+    save_figure(film_strip(trajectory), paths["film_strip"])
+    label = "value gradient" if config.method == "value-gradient" else "TD(λ)"
+    logs = [(f"{label}, seed {config.seed}", directory / LOG), *beside]
+    save_figure(learning_curve(logs, reference_speed=OPEN_LOOP_SPEED.get(n)), paths["learning_curve"])
+    save_figure(rollout_plot(trajectory), paths["episode"])
+    return paths
+
+
+def figures(
+    names: Positional[tuple[str, ...]] = (),
+    rerun: bool = False,
+    out: Path = Path("figures"),
+    json: bool = False,
+) -> None:
+    """Draw the paper's figures and claims, from the logs that come with the package or from scratch.
+
+    Args:
+        names: Which; all of them by default, and their names where one is unknown.
+        rerun: Compute the logs anew, in the directory logs within out (docs/reproduction.md says how long each takes).
+        out: Directory of the pictures.
+        json: Print one JSON object.
+    """
+    from swimmer_mj.learning.experiments import EXPERIMENTS, LOGS
+    from swimmer_mj.render.figures import save_figure
+    from swimmer_mj.render.reproduction import FIGURES
+
+    for name in names:
+        if name not in FIGURES:
+            raise ValueError(f"there is no figure {name!r}; there are {', '.join(FIGURES)}")
+    console = make_console(json)
+    logs = out / "logs" if rerun else LOGS
+    pictures = {}
+    for name in names or FIGURES:
+        if rerun:
+            logs.mkdir(parents=True, exist_ok=True)
+            EXPERIMENTS[name].run(logs, report=lambda line: console.print(line, markup=False, soft_wrap=True))
+        pictures[name] = out / f"{name}.png"
+        save_figure(FIGURES[name](logs), pictures[name])
+        console.print(f"{EXPERIMENTS[name].description}: {pictures[name]}", markup=False, soft_wrap=True)
+    if json:
+        print_json({"pictures": {name: str(path) for name, path in pictures.items()}})

@@ -1,0 +1,158 @@
+"""``evaluate`` and ``info``: what a run has learned, and what it is."""
+
+from __future__ import annotations
+
+import dataclasses
+import json as json_module
+import os
+from pathlib import Path
+from typing import Any, Literal
+
+from tyro.conf import Positional
+
+from swimmer_mj.cli.output import make_console, print_evaluation, print_json
+
+__all__ = ["Which", "evaluate", "evaluate_run", "free_directory", "info", "run_directories"]
+
+Which = Literal["best", "last"]
+
+
+def evaluate(
+    run: Positional[Path],
+    which: Which = "best",
+    episodes: int = 64,
+    json: bool = False,
+) -> None:
+    """Swimming speed of a trained run in dm_control on MuJoCo, and how far V is from the returns it predicts.
+
+    Args:
+        run: Run directory; with several seeds in it, each is evaluated and the interval is over seeds.
+        which: The weights that were fastest while training, or the last.
+        episodes: Episodes of 20 s; 64 by the definition of swimming speed.
+        json: Print one JSON object.
+    """
+    if not 1 <= episodes <= 64:
+        raise ValueError(f"--episodes must be between 1 and 64, got {episodes}")
+    console = make_console(json)
+    directories = run_directories(run)
+    results = []
+    for directory in directories:
+        with console.status(f"evaluating {directory}"):
+            results.append(evaluate_run(directory, which, episodes))
+        print_evaluation(console, results[-1])
+    if len(results) == 1:
+        (summary,) = results
+    else:
+        import numpy as np
+
+        from swimmer_mj.learning.evaluation import mean_and_interval
+
+        mean, interval = mean_and_interval(np.array([result["speed_mean"] for result in results]))
+        summary = {
+            "speed_mean": mean,
+            "speed_ci95": list(interval),
+            "n_episodes": episodes * len(results),
+            "n_seeds": len(results),
+            "runs": results,
+        }
+        console.print(
+            f"{len(results)} seeds: {mean:.3f} m/s, 95 % interval {interval[0]:.3f} to {interval[1]:.3f}"
+        )
+    if json:
+        print_json(summary)
+
+
+def evaluate_run(directory: Path, which: Which, episodes: int) -> dict[str, Any]:
+    """Speed of a run's policy on MuJoCo; bias and error of its V against returns, by equation 1."""
+    import numpy as np
+
+    from swimmer_mj.learning.evaluation import evaluate_swimming
+    from swimmer_mj.learning.policy import SwimmingPolicy
+    from swimmer_mj.learning.trainer import evaluation_sample, load_policy
+    from swimmer_mj.learning.value_gradient import ValueGradientLearner
+
+    policy, config, info = load_policy(directory, which)
+    if config.problem != "swim":
+        raise ValueError(
+            f"{directory} learned {config.problem!r}, and swimming speed is defined for swimmers only"
+        )
+    speed = evaluate_swimming(
+        SwimmingPolicy(policy),
+        config.parameters,
+        n_episodes=episodes,
+        workers=(os.cpu_count() or 1) if episodes > 8 else 1,  # a process takes seconds to start
+    )
+    states = evaluation_sample(policy.problem)
+    sample = policy.judge(states)
+    learner = ValueGradientLearner(policy.problem, policy.network)  # for its fast rollouts
+    returns = learner.discounted_return(states, duration=10.0 / config.s_gamma)
+    return {
+        "run": str(directory),
+        "seed": config.seed,
+        "trials": info["trial"],
+        "speed_mean": speed.mean,
+        "speed_ci95": list(speed.ci95),
+        "n_episodes": episodes,
+        "mean_value": float(sample.value.mean()),
+        "mean_squared_hamiltonian": float((sample.hamiltonian**2).mean()),
+        "mean_return": float(returns.mean()),
+        "value_bias": float((sample.value - returns).mean()),
+        "value_rmse": float(np.sqrt(((sample.value - returns) ** 2).mean())),
+    }
+
+
+def info(run: Positional[Path | None] = None, json: bool = False) -> None:
+    """What this package offers, or what a run is and how far it has come.
+
+    Args:
+        run: Run directory, if any.
+        json: Print one JSON object.
+    """
+    import swimmer_mj
+
+    facts: dict[str, Any]
+    if run is None:
+        facts = {
+            "version": swimmer_mj.__version__,
+            "tasks": [f"{kind}{n}" for kind in ("swim", "steer") for n in (3, 4, 5)],
+            "problems": ["swim", "pendulum"],
+            "paper": "R. Coulom (2002), Feedforward Neural Networks in Reinforcement Learning Applied to "
+            "High-dimensional Motor Control",
+            "parameters": dataclasses.asdict(swimmer_mj.PAPER),
+        }
+    else:
+        from swimmer_mj.learning.trainer import load_policy
+
+        _, config, checkpoint = load_policy(run)
+        facts = {
+            "run": str(run),
+            "config": config.to_json(),
+            "best": {key: checkpoint[key] for key in ("trial", "seconds", "speed", "mean_value")},
+        }
+    console = make_console(json)
+    console.print_json(json_module.dumps(facts))
+    if json:
+        print_json(facts)
+
+
+def run_directories(path: Path) -> list[Path]:
+    """``path`` itself if it is a run, or the runs seed-0, seed-1 .. in it."""
+    from swimmer_mj.learning.trainer import CONFIG
+
+    if (path / CONFIG).is_file():
+        return [path]
+    found = [p for p in path.glob("seed-*") if p.name[5:].isdigit() and (p / CONFIG).is_file()]
+    if not found:
+        raise FileNotFoundError(
+            f"{path} is not a run directory: it has neither {CONFIG} nor seed-0, seed-1 .."
+        )
+    return sorted(found, key=lambda p: int(p.name[5:]))
+
+
+def free_directory(path: Path) -> Path:
+    """``path``, or the first of path-2, path-3 .. that does not exist."""
+    candidate, k = path, 1
+    while candidate.exists():
+        k += 1
+        candidate = path.with_name(f"{path.name}-{k}")
+    return candidate

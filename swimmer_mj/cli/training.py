@@ -1,0 +1,188 @@
+"""``train``: runs of one or several seeds, side by side."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from swimmer_mj.cli.output import live_display, make_console, make_table, print_json
+from swimmer_mj.cli.runs import run_directories
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from swimmer_mj.learning.trainer import Report, TrainingRun
+
+__all__ = ["parse_seeds", "train", "train_runs"]
+
+
+def train(
+    out: Path,
+    method: Literal["td", "value-gradient"] = "td",
+    seed: int = 0,
+    seeds: str | None = None,
+    trials: int | None = None,
+    seconds: float | None = None,
+    links: int = 5,
+    resume: bool = False,
+    problem: Literal["swim", "pendulum"] = "swim",
+    physics: Literal["analytic", "mujoco"] = "analytic",
+    engine: Literal["fused", "population", "torch"] | None = None,
+    neurons: int | None = None,
+    eta: float | None = None,
+    s_gamma: float | None = None,
+    s_lambda: float = 1.0,
+    vario_eta: bool = False,
+    dtype: Literal["float32", "float64"] = "float32",
+    evaluate_every: int | None = None,
+    json: bool = False,
+) -> None:
+    """Train one learner, or one for each of several seeds, and keep the run in a directory.
+
+    Args:
+        out: Run directory. Several seeds have out/seed-0 and so on.
+        method: td is the paper's continuous TD(lambda); value-gradient learns dV/dx as well, and is much faster.
+        seed: Seed of initial weights and initial states.
+        seeds: Several seeds instead, trained side by side: 0-7, or 1,4,9.
+        trials: Stop at the first evaluation with at least this many trials.
+        seconds: Stop after this many seconds. The default is 100,000 trials.
+        links: Number of links.
+        resume: Go on with the run that is in the directory, as it was configured.
+        problem: What to learn.
+        physics: Step the equations themselves, or the dm_control environment on MuJoCo (slower).
+        engine: One compiled learner at a time, up to 16 of them in the lanes of a processor's vectors, or the readable
+            reference in torch (slow). The default is population for more than 4 seeds, then the faster, else fused.
+        neurons: Neurons of the cascade, the output counted; 60 by default for td, as in the paper. Without it,
+            value-gradient has two layers of 64.
+        eta: Learning rate of td; 0.04 by default (paper: 0.01, which takes ten times the trials).
+        s_gamma: Shortness factor, 1/s; 1 by default for td, 0.5 for value-gradient.
+        s_lambda: Decay of eligibility besides s_gamma, 1/s.
+        vario_eta: Adapt the rate of each weight by vario-eta, instead of scaling the output unit's.
+        dtype: Floating-point type of the network.
+        evaluate_every: Trials, of 5 s of simulated time, between evaluations; 2,000 by default for td, else 1,000.
+        json: Print one JSON object.
+    """
+    if seeds is not None and seed != 0:
+        raise ValueError(f"give --seed or --seeds, not both (got {seed} and {seeds})")
+    for name, value in (("--trials", trials), ("--seconds", seconds)):
+        if value is not None and not value > 0:
+            raise ValueError(f"{name} must be positive, got {value}")
+    chosen = [seed] if seeds is None else parse_seeds(seeds)
+
+    if method == "value-gradient" and (eta is not None or vario_eta):
+        raise ValueError(f"--{'vario-eta' if vario_eta else 'eta'} is for --method td")
+
+    from swimmer_mj.learning.continuous_td import TDSettings
+    from swimmer_mj.learning.trainer import TrainConfig, TrainingRun, value_gradient_config
+    from swimmer_mj.learning.vario_eta import VarioEta
+    from swimmer_mj.parameters import SwimmerParameters
+
+    td = TDSettings(
+        eta=0.04 if eta is None else eta,
+        s_lambda=s_lambda,
+        output_scaling=not vario_eta,
+        vario=VarioEta() if vario_eta else None,
+    )
+    config = TrainConfig() if method == "td" else value_gradient_config(s_lambda=s_lambda)
+    given = {"neurons": neurons, "s_gamma": s_gamma, "evaluate_every": evaluate_every}
+    if neurons is not None:
+        given["layers"] = None
+    config = dataclasses.replace(
+        config,
+        problem=problem,
+        parameters=SwimmerParameters(n_links=links),
+        td=td,
+        dtype=dtype,
+        engine=engine
+        or ("population" if len(chosen) > 4 and physics == "analytic" and method == "td" else "fused"),
+        physics=physics,
+        **{name: value for name, value in given.items() if value is not None or name == "layers"},
+    )
+    if resume:
+        default = TrainConfig()
+        fields = [
+            f.name for f in dataclasses.fields(config) if getattr(config, f.name) != getattr(default, f.name)
+        ]
+        if fields or seed or seeds:
+            named = ", ".join(fields or ["seed"])
+            raise ValueError(f"--resume goes on with the run's own configuration: leave out {named}")
+        runs = [TrainingRun(directory, resume=True) for directory in run_directories(out)]
+    else:
+        directories = [out] if seeds is None else [out / f"seed-{s}" for s in chosen]
+        runs = [
+            TrainingRun(directory, dataclasses.replace(config, seed=s))
+            for directory, s in zip(directories, chosen, strict=True)
+        ]
+    if trials is None and seconds is None:
+        trials = 100_000
+    console = make_console(json)
+    train_runs(console, runs, trials=trials, seconds=seconds)
+    results = [
+        {"run": str(r.directory), "seed": r.config.seed, "trials": r.trial, "best_speed": r.best_speed}
+        if r.history
+        else {"run": str(r.directory), "seed": r.config.seed, "trials": 0, "best_speed": None}
+        for r in runs
+    ]
+    if json:
+        print_json({"runs": results})
+
+
+def train_runs(
+    console: Console,
+    runs: Sequence[TrainingRun],
+    *,
+    trials: int | None = None,
+    seconds: float | None = None,
+    enough: Callable[[TrainingRun], bool] = lambda run: False,
+) -> None:
+    """Train ``runs`` together, with a live table on a terminal and a line an evaluation elsewhere."""
+    import torch
+
+    from swimmer_mj.learning.trainer import train_together
+
+    torch.set_num_threads(1)  # the learners are the parallelism
+    started = time.monotonic()
+    news: dict[int, dict[str, str]] = {id(run): {"run": run.directory.name} for run in runs}
+    columns = ("run", "trials", "trials/s", "elapsed", "<V>", "<H²>", "speed", "best")
+
+    def table() -> Any:
+        drawn = make_table(None, columns)
+        for row in news.values():
+            drawn.add_row(*(row.get(column, "") for column in columns))
+        return drawn
+
+    with live_display(console, table) as live:
+
+        def report(report: Report) -> None:
+            row = news[id(report.run)]
+            row["elapsed"] = f"{time.monotonic() - started:.0f} s"
+            if report.progress is not None:
+                row["trials"] = f"{report.progress.trial:,}"
+                row["trials/s"] = f"{report.progress.trials_per_second:.0f}"
+            if report.metrics is not None:
+                row["<V>"] = f"{report.metrics.mean_value:.3f} m"
+                row["<H²>"] = f"{report.metrics.mean_squared_hamiltonian:.3f} m²/s²"
+                row["speed"] = f"{report.metrics.speed:.3f} m/s"
+                row["best"] = f"{report.run.best_speed:.3f} m/s"
+                if live is None:
+                    line = "  ".join(f"{column} {row[column]}" for column in columns if column in row)
+                    console.print(line, soft_wrap=True)
+
+        train_together(runs, trials=trials, seconds=seconds, enough=enough, report=report)
+
+
+def parse_seeds(text: str) -> list[int]:
+    """[0, 1, 2, 5] of "0-2,5"."""
+    seeds: list[int] = []
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d+)(?:\s*-\s*(\d+))?\s*", part)
+        if match is None or (match[2] and int(match[2]) < int(match[1])):
+            raise ValueError(f"--seeds must be like 0-7 or 1,4,9; got {text!r}")
+        seeds.extend(range(int(match[1]), int(match[2] or match[1]) + 1))
+    if len(set(seeds)) < len(seeds):
+        raise ValueError(f"--seeds names a seed twice: {text!r}")
+    return seeds
