@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swimmer_mj import analytic, dynamics, mjcf, validation, viscous
-from swimmer_mj.validation import ARBITER, STATEMENTS, accelerations
+from swimmer_mj import analytic, dynamics, mjcf, viscous
+from swimmer_mj.validation import ARBITER, STATEMENTS, accelerations, cases
 
 _FILE = Path(__file__).parents[2] / "benchmarks" / "planted_errors.py"
 PLANTED_ERRORS = runpy.run_path(str(_FILE))["PLANTED_ERRORS"]
 
 # Where the comparison looks the statements up
 _USES = {
-    "analytic.py": (analytic, validation, "AnalyticSwimmer"),
+    "analytic.py": (analytic, cases, "AnalyticSwimmer"),
     "viscous.py": (viscous, dynamics, "viscous_friction"),
     "mjcf.py": (mjcf, dynamics, "mjcf"),
 }

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from swimmer_mj import validation, viscous
+from swimmer_mj import viscous
 from swimmer_mj.validation import (
     Check,
     Section,
@@ -17,6 +17,7 @@ from swimmer_mj.validation import (
     symmetries,
     trajectories,
 )
+from swimmer_mj.validation.records import Worst
 
 
 def failures(section):
@@ -29,8 +30,8 @@ def failures(section):
 
 SECTIONS = {
     "accelerations": lambda rng: accelerations(rng, (1, 2, 5, 10), 1, 5),
-    "trajectories": trajectories,
-    "invariants": lambda rng: invariants(rng, (1, 3), 5),
+    "trajectories": lambda rng: trajectories(rng, duration=0.5),
+    "invariants": lambda rng: invariants(rng, (1, 3), 5, duration=0.5),
     "symmetries": lambda rng: symmetries(rng, (1, 4, 10), 5),
     "closed forms": lambda rng: closed_forms(duration=0.1),
     "limits": limits,
@@ -38,14 +39,8 @@ SECTIONS = {
 }
 
 
-@pytest.fixture
-def quickly(monkeypatch):
-    """Trajectories of half a second instead of five."""
-    monkeypatch.setattr(validation, "_DURATION", 0.5)
-
-
 @pytest.mark.parametrize("name", SECTIONS)
-def test_every_section_of_the_report_passes_at_other_seeds(name, quickly):
+def test_every_section_of_the_report_passes_at_other_seeds(name):
     section = SECTIONS[name](np.random.default_rng(len(name)))
     assert failures(section) == []
     assert section.passed
@@ -85,7 +80,7 @@ def test_an_error_that_is_no_number_fails_and_is_the_worst():
     for error, tolerance in ((math.nan, 1.0), (1.0, math.nan), (1.0, math.inf), (-math.inf, 1.0)):
         assert not Check("", error, tolerance, "").passed
     assert Check("", 1.0, 1.0, "").passed
-    worst = validation._Worst("", "")
+    worst = Worst("", "")
     for error, tolerance, where in ((5.0, 10.0, "large"), (1.0, 0.5, "fails"), (math.nan, 1.0, "no number")):
         worst.add(error, tolerance, where)
         assert worst.check().worst == where
@@ -95,5 +90,5 @@ def test_an_error_that_is_no_number_fails_and_is_the_worst():
 
 def test_a_section_that_measured_nothing_is_no_success():
     with pytest.raises(ValueError, match="nothing was measured for the check 'x'"):
-        validation._Worst("x", "").check()
+        Worst("x", "").check()
     assert not Section("", [Check("", 2.0, 1.0, "")]).passed
