@@ -45,11 +45,11 @@ from swimmer_mj.learning.benchmark import (
     swimming_learner,
     viscous_mj_step,
 )
-from swimmer_mj.learning.fused import FAST, _tanh32
-from swimmer_mj.learning.population import LANES, PopulationTD, _tanh_lanes
+from swimmer_mj.learning.population import PopulationTD
+from swimmer_mj.learning.rational_tanh import tanh_of_lanes, tanh_of_one
 from swimmer_mj.learning.swimming import Swimming
 from swimmer_mj.learning.swimming_lanes import compiled_lanes
-from swimmer_mj.lowlevel import add_lanes, load, multiply, multiply_add, splat, store
+from swimmer_mj.lowlevel import FAST, LANES, add_lanes, load, multiply_add, splat, store
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def _fused_parts() -> dict[str, Work]:
             store(activation, j, total)
         activation_i = activation[0]
         for i in range(hidden):
-            y_i = _tanh32(activation_i)
+            y_i = tanh_of_one(activation_i)
             ws.y[new, i] = y_i
             y = splat(y_i)
             activation_i = activation[i + 1]
@@ -145,7 +145,7 @@ def _fused_parts() -> dict[str, Work]:
                 store(gradient, j, multiply_add(slope, load(ws.W, i * R + j), load(gradient, j)))
             gradient_i += delta_i * ws.W[i, max(i - 1, 0)]
         for k in range(m):
-            total = multiply(load(ws.T, k * P), load(ws.delta, new * P))
+            total = load(ws.T, k * P) * load(ws.delta, new * P)
             for j in range(LANES, P, LANES):
                 total = multiply_add(load(ws.T, k * P + j), load(ws.delta, new * P + j), total)
             ws.dVdz[k] = add_lanes(total)
@@ -186,9 +186,9 @@ def _fused_parts() -> dict[str, Work]:
             d = splat(step * sources[k])
             for j in range(0, width, LANES):
                 trace = load(e, k * width + j)
-                gain = multiply(splat(dt_H), load(rate, j))
+                gain = splat(dt_H) * load(rate, j)
                 store(w, k * width + j, multiply_add(gain, trace, load(w, k * width + j)))
-                store(e, k * width + j, multiply_add(splat(decay), trace, multiply(d, load(delta, j))))
+                store(e, k * width + j, multiply_add(splat(decay), trace, d * load(delta, j)))
 
     @njit(**OPTIONS)
     def updates(
@@ -203,7 +203,7 @@ def _fused_parts() -> dict[str, Work]:
         """Only what cannot be done at the same time: the hidden neurons' tanh and multiply-add, one by one."""
         a = np.float32(x[0])
         for _ in range(count * (ws.W.shape[0] - 1)):
-            a = bias + _tanh32(a) * weight
+            a = bias + tanh_of_one(a) * weight
         x[0] += zero * a
 
     x = problem.initial_states(np.random.default_rng(1), 1)[0]
@@ -256,7 +256,7 @@ def _population_parts() -> dict[str, Work]:
             if i == n - 1:
                 store(ws.gradient, 0, total)
             else:
-                store(ws.source, new * S + (first + i) * LANES, _tanh_lanes(total))
+                store(ws.source, new * S + (first + i) * LANES, tanh_of_lanes(total))
 
     def forwards(one_pass: Any) -> Any:
         @njit(**OPTIONS)

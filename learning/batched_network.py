@@ -31,8 +31,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from swimmer_mj.learning.networks import Cascade, Multilayer, ValueNetwork
-from swimmer_mj.learning.simd import clamp, convert, cos_sin, spread
-from swimmer_mj.lowlevel import LANES, add_lanes, aligned_zeros, load, splat, store
+from swimmer_mj.learning.rational_tanh import tanh_of_many
+from swimmer_mj.learning.simd import OPTIONS, convert, cos_sin, spread
+from swimmer_mj.lowlevel import FAST, LANES, add_lanes, aligned_zeros, load, splat, store
 
 __all__ = ["BLOCK", "BatchedNetwork", "Encoding"]
 
@@ -42,11 +43,6 @@ Real = NDArray[Any]  # the network's dtype
 
 BLOCK = 2 * LANES
 """Samples that are worked on together."""
-
-FAST = {"contract", "nsz", "arcp"}
-"""Multiply-adds may be fused; nothing may be assumed of NaN or infinity, nor sums reordered."""
-
-OPTIONS: dict[str, Any] = {"fastmath": FAST, "error_model": "numpy", "nogil": True, "cache": True}
 
 
 class Encoding(NamedTuple):
@@ -120,23 +116,6 @@ class Workspace(NamedTuple):
     slope: Real  # dV/dx (p)
 
 
-@njit(**OPTIONS)
-def _tanh32(x: Any) -> Any:
-    """tanh(x) of a vector to 3e-7: the rational function ``ptanh_float`` of Eigen 3.4 (MathFunctionsImpl.h)."""
-    x = clamp(x, np.float32(7.90531110763549805))
-    s = x * x
-    p = np.float32(2.00018790482477e-13) - s * np.float32(2.76076847742355e-16)
-    p = s * p - np.float32(8.60467152213735e-11)
-    p = s * p + np.float32(5.12229709037114e-08)
-    p = s * p + np.float32(1.48572235717979e-05)
-    p = s * p + np.float32(6.37261928875436e-04)
-    p = s * p + np.float32(4.89352455891786e-03)
-    q = s * np.float32(1.19825839466702e-06) + np.float32(1.18534705686654e-04)
-    q = s * q + np.float32(2.26843463243900e-03)
-    q = s * q + np.float32(4.89352518554385e-03)
-    return x * p / q
-
-
 def _tanh(a: Real, i: int, y: Real, k: int) -> None:
     """Row ``k`` of y becomes tanh of row ``i`` of a."""
     raise NotImplementedError("for compiled code")
@@ -146,7 +125,7 @@ def _tanh(a: Real, i: int, y: Real, k: int) -> None:
 def _tanh_of_dtype(a: Any, i: Any, y: Any, k: Any) -> Any:
     def single(a: Any, i: Any, y: Any, k: Any) -> Any:
         for o in range(0, BLOCK, LANES):
-            store(y, k * BLOCK + o, _tanh32(load(a, i * BLOCK + o)))
+            store(y, k * BLOCK + o, tanh_of_many(load(a, i * BLOCK + o)))
 
     def double(a: Any, i: Any, y: Any, k: Any) -> Any:
         for o in range(BLOCK):

@@ -25,7 +25,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swimmer_mj.learning.simd import cos_sin, sign
+from swimmer_mj.learning.simd import OPTIONS, cos_sin, sign
 from swimmer_mj.lowlevel import LANES, aligned_zeros, load, splat, store
 from swimmer_mj.reduced import ReducedConstants
 
@@ -40,13 +40,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-
-OPTIONS: dict[str, Any] = {
-    "fastmath": {"contract", "nsz", "arcp"},  # multiply-adds may be fused; sums are not reordered
-    "error_model": "numpy",
-    "nogil": True,
-    "cache": True,
-}
 
 
 class Workspace(NamedTuple):

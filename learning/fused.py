@@ -15,7 +15,7 @@ its arithmetic is done. One learner is a chain of dependent operations, so what 
 Rows are padded to whole SIMD vectors. Lanes without a connection hold numbers that nothing reads: neuron j has fired
 when a later source is pushed to it.
 
-In float32, tanh is a rational function with an absolute error below 3e-7; in float64 it is the C library's.
+In float32, tanh is that of :mod:`swimmer_mj.learning.rational_tanh`; in float64 it is the C library's.
 """
 
 # pyright: reportCallIssue=false
@@ -36,12 +36,13 @@ from numpy.typing import NDArray
 from swimmer_mj.learning.continuous_td import Moment, TDSettings
 from swimmer_mj.learning.networks import Cascade
 from swimmer_mj.learning.problem import ControlProblem
+from swimmer_mj.learning.rational_tanh import tanh_of_one
 from swimmer_mj.lowlevel import (
+    FAST,
     LANES,
     add_lanes,
     aligned_zeros,
     load,
-    multiply,
     multiply_add,
     round_up,
     splat,
@@ -52,9 +53,6 @@ __all__ = ["FusedTD", "Rollouts", "SampleStatistics", "TrialStatistics"]
 
 Array = NDArray[np.float64]
 Real = NDArray[Any]  # the learner's dtype
-
-FAST = {"contract", "nsz", "arcp"}
-"""Multiply-adds may be fused; nothing may be assumed of NaN or infinity, nor sums reordered."""
 
 
 class Workspace(NamedTuple):
@@ -119,28 +117,6 @@ class _Kernel(NamedTuple):
     rollout: Callable[..., None]
 
 
-@njit(fastmath=FAST, error_model="numpy", inline="always")
-def _tanh32(x: np.float32) -> np.float32:
-    """tanh(x) to 3e-7 by a rational function of degree 13 over 6.
-
-    Coefficients: ``ptanh_float`` of Eigen 3.4 (MathFunctionsImpl.h).
-    """
-    limit = np.float32(7.90531110763549805)
-    s = min(x * x, limit * limit)
-    x = min(max(x, -limit), limit)
-    s2 = s * s
-    q = np.float32(4.89352518554385e-03) + s * np.float32(2.26843463243900e-03)
-    q += s2 * (np.float32(1.18534705686654e-04) + s * np.float32(1.19825839466702e-06))
-    p = np.float32(4.89352455891786e-03) + s * np.float32(6.37261928875436e-04)
-    p += s2 * (np.float32(1.48572235717979e-05) + s * np.float32(5.12229709037114e-08))
-    p += (s2 * s2) * (
-        np.float32(-8.60467152213735e-11)
-        + s * np.float32(2.00018790482477e-13)
-        + s2 * np.float32(-2.76076847742355e-16)
-    )
-    return (x * p) * (np.float32(1.0) / q)
-
-
 @njit(inline="always")
 def _tanh64(x: float) -> float:
     return math.tanh(x)
@@ -159,7 +135,7 @@ def _compile(
 ) -> _Kernel:
     """Compile the kernel for a problem with ``m`` network inputs; rates are each neuron's, or each weight's."""
     real: Any = np.float32 if single_precision else np.float64
-    tanh = _tanh32 if single_precision else _tanh64
+    tanh = tanh_of_one if single_precision else _tanh64
     one = real(1.0)
     half = real(0.5)
     first = m + 1  # index of the first hidden neuron among the sources
@@ -197,11 +173,11 @@ def _compile(
         """The vector of weights at ``o`` after w += dt eta H e, which is stored, as is e += dt (... + dV/dw)."""
         trace = load(e, o)
         if rate_each:
-            weight = multiply_add(multiply(gain, load(rate, o)), trace, load(w, o))
+            weight = multiply_add(gain * load(rate, o), trace, load(w, o))
         else:
             weight = multiply_add(gain, trace, load(w, o))
         store(w, o, weight)
-        store(e, o, multiply_add(decay, trace, multiply(d, gradient)))
+        store(e, o, multiply_add(decay, trace, d * gradient))
         return weight
 
     @njit(**options)
@@ -213,7 +189,7 @@ def _compile(
         for k in range(ws.T.shape[0]):
             d = splat(step * (ws.z[o, k] if k < first else ws.y[o, k - first]))
             for j in range(0, P, LANES):
-                gain = splat(dt_H) if rate_each else multiply(splat(dt_H), load(ws.rate, j))
+                gain = splat(dt_H) if rate_each else splat(dt_H) * load(ws.rate, j)
                 updated(ws.T, ws.T_trace, ws.T_rate, gain, decay, d, load(ws.delta, o * P + j), k * P + j)
         nothing_due(ws)
 
@@ -237,7 +213,7 @@ def _compile(
         ws.now[0] = new
         dt_H, decay, step = real(ws.pending[0]), splat(real(ws.pending[1])), real(ws.pending[2])
         for j in range(0, P, LANES):
-            store(gain, j, splat(dt_H) if rate_each else multiply(splat(dt_H), load(ws.rate, j)))
+            store(gain, j, splat(dt_H) if rate_each else splat(dt_H) * load(ws.rate, j))
 
         z = ws.z[new]
         inputs(x, z)
@@ -294,7 +270,7 @@ def _compile(
                 store(gradient, j, multiply_add(slope, w, load(gradient, j)))
             gradient_i += delta_i * ws.W[i, max(i - 1, 0)]
         for k in range(m):
-            total = multiply(load(ws.T, k * P), load(ws.delta, new * P))
+            total = load(ws.T, k * P) * load(ws.delta, new * P)
             for j in range(LANES, P, LANES):
                 total = multiply_add(load(ws.T, k * P + j), load(ws.delta, new * P + j), total)
             ws.dVdz[k] = add_lanes(total)

@@ -25,16 +25,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from swimmer_mj.learning import vario_eta
-from swimmer_mj.learning.fused import FAST, FusedTD, TrialStatistics
+from swimmer_mj.learning.fused import FusedTD, TrialStatistics
 from swimmer_mj.learning.problem import ControlProblem
+from swimmer_mj.learning.rational_tanh import tanh_of_lanes
 from swimmer_mj.learning.swimming_lanes import compiled_lanes
 from swimmer_mj.lowlevel import (
+    FAST,
     LANES,
     aligned_zeros,
-    clamp,
-    divide,
     load,
-    multiply,
     multiply_add,
     splat,
     store,
@@ -86,26 +85,6 @@ class _Kernel(NamedTuple):
     backward: Callable[..., None]
 
 
-@njit(fastmath=FAST, error_model="numpy", inline="always")
-def _tanh_lanes(x: Any) -> Any:
-    """tanh of each lane, in float32: the operations of ``fused._tanh32``."""
-    limit = np.float32(7.90531110763549805)
-    s = clamp(multiply(x, x), splat(np.float32(0.0)), splat(limit * limit))
-    x = clamp(x, splat(-limit), splat(limit))
-    s2 = multiply(s, s)
-    q = multiply_add(s, splat(np.float32(2.26843463243900e-03)), splat(np.float32(4.89352518554385e-03)))
-    q_high = multiply_add(s, splat(np.float32(1.19825839466702e-06)), splat(np.float32(1.18534705686654e-04)))
-    q = multiply_add(s2, q_high, q)
-    p = multiply_add(s, splat(np.float32(6.37261928875436e-04)), splat(np.float32(4.89352455891786e-03)))
-    p_mid = multiply_add(s, splat(np.float32(5.12229709037114e-08)), splat(np.float32(1.48572235717979e-05)))
-    p_high = multiply_add(
-        s, splat(np.float32(2.00018790482477e-13)), splat(np.float32(-8.60467152213735e-11))
-    )
-    p_high = multiply_add(s2, splat(np.float32(-2.76076847742355e-16)), p_high)
-    p = multiply_add(multiply(s2, s2), p_high, multiply_add(s2, p_mid, p))
-    return divide(multiply(x, p), q)
-
-
 @lru_cache(maxsize=16)
 def _compile(
     dynamics: Callable[..., None],
@@ -130,31 +109,31 @@ def _compile(
         gain, decay, step = load(ws.gain, 0), load(ws.decay, 0), load(ws.step, 0)
         o = 0
         for i in range(n):
-            d = multiply(step, load(delta, (old * n + i) * LANES))
-            g = gain if rate_each else multiply(gain, load(rate, i * LANES))
+            d = step * load(delta, (old * n + i) * LANES)
+            g = gain if rate_each else gain * load(rate, i * LANES)
             even = odd = splat(real(0.0))
             # Two sums, so that additions need not wait for each other; the newest source comes last.
             for j in range(first + i):
                 e = load(trace, o)
                 if rate_each:
-                    w = multiply_add(multiply(g, load(rate, o)), e, load(weight, o))
+                    w = multiply_add(g * load(rate, o), e, load(weight, o))
                 else:
                     w = multiply_add(g, e, load(weight, o))
                 store(weight, o, w)
                 s = j * LANES
-                store(trace, o, multiply_add(decay, e, multiply(d, load(source, old * S + s))))
+                store(trace, o, multiply_add(decay, e, d * load(source, old * S + s)))
                 even, odd = odd, multiply_add(load(source, new * S + s), w, even)
                 o += LANES
-            total = multiply_add(splat(real(1.0)), even, odd)
+            total = even + odd
             if i == n - 1:
                 store(ws.gradient, 0, total)
                 continue
             s = new * S + (first + i) * LANES
             half = splat(real(0.5))
             if logistic:
-                total = multiply(half, total)
+                total = half * total
             if single_precision:
-                store(source, s, _tanh_lanes(total))
+                store(source, s, tanh_of_lanes(total))
             else:
                 store(source, s, total)
                 for lane in range(LANES):
@@ -168,7 +147,6 @@ def _compile(
         weight, source, gradient = ws.weight, ws.source, ws.gradient
         S = (m + n) * LANES
         one = splat(real(1.0))
-        minus = splat(real(-1.0))
         o = weight.size - (m + n) * LANES
         for j in range(m + n):
             store(gradient, j * LANES, load(weight, o + j * LANES))
@@ -176,8 +154,8 @@ def _compile(
         for i in range(n - 2, -1, -1):
             o -= (first + i) * LANES
             y = load(source, new * S + (first + i) * LANES)
-            slope = multiply_add(multiply(minus, y), y, y if logistic else one)
-            d = multiply(slope, load(gradient, (first + i) * LANES))
+            slope = multiply_add(-y, y, y if logistic else one)
+            d = slope * load(gradient, (first + i) * LANES)
             store(ws.delta, (new * n + i) * LANES, d)
             for j in range(first + i):
                 s = j * LANES

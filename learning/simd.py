@@ -1,77 +1,23 @@
-"""Arithmetic for the SIMD vectors of :mod:`swimmer_mj.lowlevel`, so that compiled code reads like that of one number.
-
-Once this module is imported, ``+ - * /`` and the unary minus work on vectors, and on a vector and a float, in numba
-functions, lane by lane. :func:`cos_sin` and :func:`sign` go with them.
-"""
+"""More for the SIMD vectors of :mod:`swimmer_mj.lowlevel`: functions of their lanes, conversion of their type."""
 
 # pyright: reportCallIssue=false, reportOptionalCall=false
 # numba gives its intrinsics their first argument, the typing context, itself.
 
 from __future__ import annotations
 
-import operator
 from typing import Any
 
 from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
-from numba.core.imputils import lower_builtin
-from numba.core.typing.templates import AbstractTemplate, infer_global
 from numba.extending import intrinsic
 
-from swimmer_mj.lowlevel import LANES
-from swimmer_mj.lowlevel import _Vector as Vector  # pyright: ignore[reportPrivateUsage]
+from swimmer_mj.lowlevel import FAST, LANES, TWO_OVER_PI, Vector, broadcast, reduce_angle
 
-__all__ = ["clamp", "convert", "cos_sin", "sign", "spread"]
+__all__ = ["OPTIONS", "convert", "cos_sin", "sign", "spread"]
 
-
-def _broadcast(builder: Any, value: Any) -> Any:
-    """A vector with ``value``, a float or a vector already, in every lane."""
-    if isinstance(value.type, ir.VectorType):
-        return value
-    vector, index = ir.VectorType(value.type, LANES), ir.IntType(32)
-    undefined = ir.Constant(vector, ir.Undefined)
-    first = builder.insert_element(undefined, value, ir.Constant(index, 0))
-    return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(index, LANES), [0] * LANES))
-
-
-def _define(function: Any, instruction: str) -> None:
-    """Teach numba ``function`` of two vectors, or of a vector and a float of its type."""
-
-    class _Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            vectors = [a for a in args if isinstance(a, Vector)]
-            if len(args) != 2 or not vectors:
-                return None
-            vector = vectors[0]
-            if all(a in (vector, vector.dtype) for a in args):
-                return vector(*args)
-            return None
-
-    infer_global(function)(_Template)
-
-    def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return getattr(builder, instruction)(*(_broadcast(builder, value) for value in args))
-
-    for kinds in ((Vector, Vector), (Vector, types.Float), (types.Float, Vector)):
-        lower_builtin(function, *kinds)(lower)
-
-
-_define(operator.add, "fadd")
-_define(operator.sub, "fsub")
-_define(operator.mul, "fmul")
-_define(operator.truediv, "fdiv")
-
-
-@infer_global(operator.neg)
-class _Negation(AbstractTemplate):
-    def generic(self, args: Any, kws: Any) -> Any:
-        return args[0](args[0]) if len(args) == 1 and isinstance(args[0], Vector) else None
-
-
-@lower_builtin(operator.neg, Vector)
-def _negate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-    return builder.fneg(args[0])
+OPTIONS: dict[str, Any] = {"fastmath": FAST, "error_model": "numpy", "nogil": True, "cache": True}
+"""For functions of any size of problem: compiled once, kept on disk."""
 
 
 def _unary(name: str) -> Any:
@@ -114,7 +60,7 @@ def spread(typing_context: Any, array: Any, offset: Any) -> Any:
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         data = context.make_array(signature.args[0])(context, builder, args[0]).data
-        return _broadcast(builder, builder.load(builder.gep(data, [args[1]])))
+        return broadcast(builder, builder.load(builder.gep(data, [args[1]])))
 
     return Vector(array.dtype)(array, types.intp), codegen
 
@@ -133,29 +79,15 @@ def convert(typing_context: Any, vector: Any, like: Any) -> Any:
     return Vector(like)(vector, like), codegen
 
 
-@intrinsic
-def clamp(typing_context: Any, a: Any, limit: Any) -> Any:
-    """``clamp(a, limit)``: a where it lies in [-limit, limit], else the nearer end, lane by lane."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        a, high = args[0], _broadcast(builder, args[1])
-        low = builder.fneg(high)
-        a = builder.select(builder.fcmp_ordered(">", a, high), high, a)
-        return builder.select(builder.fcmp_ordered("<", a, low), low, a)
-
-    return a(a, limit), codegen
-
-
-@njit(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+@njit(fastmath=FAST, error_model="numpy")
 def cos_sin(x: Any) -> Any:
     """cos(x) and sin(x) of a vector of float64, to 3e-16 for abs(x) < 1e5.
 
     x = k pi / 2 + r with abs(r) <= pi / 4, then the minimax polynomials of the Cephes library (sin.c) for r.
+    Those of :func:`swimmer_mj.lowlevel.cos_sin` differ in the last bits; with them, other weights would be learned.
     """
-    k = _nearest(x * 0.6366197723675814)  # 2 / pi
-    r = (
-        (x - k * 1.5707963267341256) - k * 6.077100506303966e-11
-    ) - k * 2.0222662487959506e-21  # pi / 2 in three parts
+    k = _nearest(x * TWO_OVER_PI)
+    r = reduce_angle(x, k)
     z = r * r
     p = z * 1.58962301576546568060e-10 - 2.50507477628578072866e-8
     p = z * p + 2.75573136213857245213e-6

@@ -16,9 +16,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swimmer_mj.learning.batched_swimmer import OPTIONS, derivative_of_lanes, workspace
+from swimmer_mj.learning.batched_swimmer import derivative_of_lanes, workspace
 from swimmer_mj.learning.problem import ControlProblem
-from swimmer_mj.learning.simd import convert, cos_sin
+from swimmer_mj.learning.simd import OPTIONS, convert, cos_sin
 from swimmer_mj.learning.swimming import RATE_SCALE, Swimming
 from swimmer_mj.lowlevel import LANES, load, store
 from swimmer_mj.reduced import reduced_constants

@@ -2,31 +2,38 @@
 
 A vector has :data:`LANES` numbers of one floating type. LLVM maps it to whatever registers the processor has
 (one of AVX-512 in float32, four of NEON), so that code written with vectors has neither remainder loops nor
-the run-time alias checks that keep numba's own vectoriser from being useful on short rows.
+the run-time alias checks that keep numba's own vectoriser from being useful on short rows. ``+ - * /`` and the unary
+minus work on vectors, and on a vector and a float, in numba functions, lane by lane.
 """
 
 from __future__ import annotations
 
 import math
+import operator
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import AbstractTemplate, infer_global
 from numba.extending import intrinsic, models, register_model
 from numpy.typing import DTypeLike, NDArray
 
 __all__ = [
+    "FAST",
     "LANES",
+    "TWO_OVER_PI",
+    "Vector",
     "add_lanes",
     "aligned_zeros",
+    "broadcast",
     "clamp",
     "cos_sin",
-    "divide",
     "load",
-    "multiply",
     "multiply_add",
+    "reduce_angle",
     "round_up",
     "splat",
     "stack_buffer",
@@ -35,6 +42,12 @@ __all__ = [
 
 LANES = 16
 """Numbers in a vector; rows that vectors walk along are padded to a multiple of it."""
+
+FAST = {"contract", "nsz", "arcp"}
+"""Multiply-adds may be fused; nothing may be assumed of NaN or infinity, nor sums reordered."""
+
+
+TWO_OVER_PI = 2 / math.pi
 
 
 def round_up(size: int) -> int:
@@ -50,17 +63,21 @@ def aligned_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     return buffer[start : start + size].view(dtype).reshape(shape)
 
 
-@njit(fastmath={"contract", "nsz", "arcp"}, error_model="numpy", inline="always")
+@njit(fastmath=FAST, error_model="numpy", inline="always")
+def reduce_angle(x: Any, k: Any) -> Any:
+    """x - k pi / 2, of a number or a vector, with pi / 2 in three parts (Cody and Waite)."""
+    return ((x - k * 1.5707963267341256) - k * 6.077100506303966e-11) - k * 2.0222662487959506e-21
+
+
+@njit(fastmath=FAST, error_model="numpy", inline="always")
 def cos_sin(x: float) -> tuple[float, float]:
     """Cosine and sine of ``x`` (float64), each within 1e-15 for abs(x) < 1e5; no branch, so that loops vectorise.
 
-    Cody and Waite's reduction by multiples of pi/2 in three parts, then the polynomials of degrees 14 and 13 on
-    [-pi/4, pi/4] whose coefficients are those of fdlibm (k_cos.c, k_sin.c).
+    Reduction by multiples of pi / 2, then the polynomials of degrees 14 and 13 on [-pi/4, pi/4] whose coefficients are
+    those of fdlibm (k_cos.c, k_sin.c).
     """
-    k = np.rint(x * 0.6366197723675814)
-    r = x - k * 1.5707963267341256
-    r -= k * 6.077100506303966e-11
-    r -= k * 2.0222662487959506e-21
+    k = np.rint(x * TWO_OVER_PI)
+    r = reduce_angle(x, k)
     w = r * r
     cosine = 1.0 - (
         0.5 * w
@@ -106,7 +123,7 @@ def cos_sin(x: float) -> tuple[float, float]:
     return (-c if quadrant == 1 or quadrant == 2 else c), (-s if quadrant >= 2 else s)
 
 
-class _Vector(types.Type):
+class Vector(types.Type):
     """Numba type of LANES numbers of type ``dtype``."""
 
     def __init__(self, dtype: types.Float) -> None:
@@ -114,11 +131,60 @@ class _Vector(types.Type):
         super().__init__(name=f"Vector({dtype}, {LANES})")
 
 
-@register_model(_Vector)
+@register_model(Vector)
 class _VectorModel(models.PrimitiveModel):
-    def __init__(self, dmm: Any, fe_type: _Vector) -> None:
+    def __init__(self, dmm: Any, fe_type: Vector) -> None:
         lane = dmm.lookup(fe_type.dtype).get_value_type()
         super().__init__(dmm, fe_type, ir.VectorType(lane, LANES))
+
+
+def broadcast(builder: Any, value: Any) -> Any:
+    """The LLVM value of a vector with ``value``, a float or a vector already, in every lane."""
+    if isinstance(value.type, ir.VectorType):
+        return value
+    vector, index = ir.VectorType(value.type, LANES), ir.IntType(32)
+    undefined = ir.Constant(vector, ir.Undefined)
+    first = builder.insert_element(undefined, value, ir.Constant(index, 0))
+    return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(index, LANES), [0] * LANES))
+
+
+def _define(function: Any, instruction: str) -> None:
+    """Teach numba ``function`` of two vectors, or of a vector and a float of its type."""
+
+    class _Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            vectors = [a for a in args if isinstance(a, Vector)]
+            if len(args) != 2 or not vectors:
+                return None
+            vector = vectors[0]
+            if all(a in (vector, vector.dtype) for a in args):
+                return vector(*args)
+            return None
+
+    infer_global(function)(_Template)
+
+    def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return getattr(builder, instruction)(*(broadcast(builder, value) for value in args))
+
+    for kinds in ((Vector, Vector), (Vector, types.Float), (types.Float, Vector)):
+        lower_builtin(function, *kinds)(lower)
+
+
+_define(operator.add, "fadd")
+_define(operator.sub, "fsub")
+_define(operator.mul, "fmul")
+_define(operator.truediv, "fdiv")
+
+
+@infer_global(operator.neg)
+class _Negation(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        return args[0](args[0]) if len(args) == 1 and isinstance(args[0], Vector) else None
+
+
+@lower_builtin(operator.neg, Vector)
+def _negate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    return builder.fneg(args[0])
 
 
 def _address(context: Any, builder: Any, array_type: types.Array, array: Any, offset: Any) -> tuple[Any, int]:
@@ -137,7 +203,7 @@ def load(typing_context: Any, array: Any, offset: Any) -> Any:
         pointer, alignment = _address(context, builder, signature.args[0], *args)
         return builder.load(pointer, align=alignment)
 
-    return _Vector(array.dtype)(array, types.intp), codegen
+    return Vector(array.dtype)(array, types.intp), codegen
 
 
 @intrinsic
@@ -157,45 +223,21 @@ def splat(typing_context: Any, scalar: Any) -> Any:
     """``splat(scalar)``: the vector with ``scalar`` in every lane."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        vector = ir.VectorType(args[0].type, LANES)
-        undefined = ir.Constant(vector, ir.Undefined)
-        index = ir.IntType(32)
-        first = builder.insert_element(undefined, args[0], ir.Constant(index, 0))
-        return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(index, LANES), [0] * LANES))
+        return broadcast(builder, args[0])
 
-    return _Vector(scalar)(scalar), codegen
-
-
-@intrinsic
-def multiply(typing_context: Any, a: Any, b: Any) -> Any:
-    """``multiply(a, b)``: a * b, lane by lane."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.fmul(*args)
-
-    return a(a, a), codegen
-
-
-@intrinsic
-def divide(typing_context: Any, a: Any, b: Any) -> Any:
-    """``divide(a, b)``: a / b, lane by lane."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.fdiv(*args)
-
-    return a(a, a), codegen
+    return Vector(scalar)(scalar), codegen
 
 
 @intrinsic
 def clamp(typing_context: Any, a: Any, low: Any, high: Any) -> Any:
-    """``clamp(a, low, high)``: a, or the bound that it is beyond, lane by lane."""
+    """``clamp(a, low, high)``: a, or the bound that it is beyond, lane by lane; bounds are vectors or floats."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        value, low, high = args
+        value, low, high = (broadcast(builder, arg) for arg in args)
         value = builder.select(builder.fcmp_ordered("<", value, low), low, value)
         return builder.select(builder.fcmp_ordered(">", value, high), high, value)
 
-    return a(a, a, a), codegen
+    return a(a, low, high), codegen
 
 
 @intrinsic

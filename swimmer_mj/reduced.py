@@ -25,7 +25,7 @@ from numba import njit
 from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
-from swimmer_mj.lowlevel import cos_sin, stack_buffer
+from swimmer_mj.lowlevel import FAST, cos_sin, stack_buffer
 from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = ["ReducedConstants", "compile_reduced_dynamics", "reduced_constants"]
@@ -71,7 +71,7 @@ def compile_reduced_dynamics(n: int) -> Callable[..., None]:
     n_joints = n - 1
     square = n * n
 
-    @njit(fastmath={"contract", "nsz", "arcp"}, error_model="numpy")
+    @njit(fastmath=FAST, error_model="numpy")
     def drift_and_control_matrix(
         constants: ReducedConstants, z: Array, a: Array, B: Array
     ) -> None:  # pragma: no cover - compiled

@@ -7,10 +7,11 @@ import pytest
 import torch
 from numba import njit
 
-from swimmer_mj.learning.batched_network import BatchedNetwork, _tanh32
+from swimmer_mj.learning.batched_network import BatchedNetwork
 from swimmer_mj.learning.batched_swimmer import greedy_rk4, greedy_step, pullback, workspace
 from swimmer_mj.learning.differentiable import differentiable, transition, transition_pullback
 from swimmer_mj.learning.networks import Cascade, Multilayer
+from swimmer_mj.learning.rational_tanh import tanh_of_many
 from swimmer_mj.learning.simd import cos_sin, sign
 from swimmer_mj.learning.swimming import Swimming
 from swimmer_mj.learning.value_gradient import swimming_encoding, value_and_gradient_loss
@@ -143,7 +144,7 @@ def test_vector_functions():
 
     @njit
     def apply_tanh(x, y):
-        store(y, 0, _tanh32(load(x, 0)))
+        store(y, 0, tanh_of_many(load(x, 0)))
 
     for scale in (1.0, 30.0, 1e4):
         x = np.random.default_rng(0).uniform(-scale, scale, LANES)

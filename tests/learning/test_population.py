@@ -7,15 +7,15 @@ import pytest
 import torch
 from numba import njit
 
-from swimmer_mj.learning import fused
 from swimmer_mj.learning.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.fused import FusedTD
 from swimmer_mj.learning.networks import Cascade
 from swimmer_mj.learning.pendulum import Pendulum
-from swimmer_mj.learning.population import LANES, PopulationTD, _tanh_lanes
+from swimmer_mj.learning.population import PopulationTD
+from swimmer_mj.learning.rational_tanh import tanh_of_lanes, tanh_of_one
 from swimmer_mj.learning.swimming import Swimming
 from swimmer_mj.learning.vario_eta import VarioEta
-from swimmer_mj.lowlevel import load, store
+from swimmer_mj.lowlevel import LANES, load, store
 from swimmer_mj.parameters import PAPER
 
 N_NEURONS = 12
@@ -147,7 +147,7 @@ def test_pendulums_are_the_reference_with_rates_of_each_weight():
 @njit
 def tanh_of_vectors(x, y):
     for i in range(0, x.size, LANES):
-        store(y, i, _tanh_lanes(load(x, i)))
+        store(y, i, tanh_of_lanes(load(x, i)))
 
 
 def test_vector_tanh_is_the_scalar_one():
@@ -157,7 +157,7 @@ def test_vector_tanh_is_the_scalar_one():
     y = np.empty_like(x)
     tanh_of_vectors(x, y)
     assert np.abs(y - np.tanh(x.astype(np.float64))).max() < 3e-7
-    assert np.abs(y - np.array([fused._tanh32(v) for v in x])).max() < 1e-7
+    assert np.abs(y - np.array([tanh_of_one(v) for v in x])).max() < 1e-7
 
 
 @pytest.fixture(scope="module")

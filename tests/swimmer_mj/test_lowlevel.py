@@ -10,9 +10,7 @@ from swimmer_mj.lowlevel import (
     aligned_zeros,
     clamp,
     cos_sin,
-    divide,
     load,
-    multiply,
     multiply_add,
     round_up,
     splat,
@@ -36,8 +34,8 @@ def every_operation(a, b, c, scalar, out):
     width = out.shape[1]
     store(out, o, x)
     store(out, width + o, splat(scalar))
-    store(out, 2 * width + o, multiply(x, y))
-    store(out, 3 * width + o, divide(x, y))
+    store(out, 2 * width + o, x * y)
+    store(out, 3 * width + o, x / y)
     store(out, 4 * width + o, clamp(x, y, z))
     store(out, 5 * width + o, multiply_add(x, y, z))
     return add_lanes(x)
