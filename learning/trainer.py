@@ -86,6 +86,8 @@ class TrainConfig:
     engine: Literal["fused", "population", "torch"] = "fused"
     """One compiled learner, one of a pack of them, or the readable reference; equal but for rounding."""
     physics: Literal["analytic", "mujoco"] = "analytic"
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Where torch computes, with method "value-gradient"; the others are compiled for CPUs."""
     evaluate_every: int = 2000
     """Trials between evaluations."""
 
@@ -102,6 +104,8 @@ class TrainConfig:
             raise ValueError("engine 'population' is for method 'td'")
         if self.method == "value-gradient" and self.physics == "mujoco":
             raise ValueError("method 'value-gradient' needs the equations themselves: physics 'analytic'")
+        if self.method == "td" and self.device != "cpu":
+            raise ValueError(f"device {self.device!r} is for method 'value-gradient'; 'td' learns on the CPU")
         if self.physics == "mujoco" and self.problem != "swim":
             raise ValueError(f"physics 'mujoco' is for swimming, not for {self.problem!r}")
         if self.physics == "mujoco" and self.engine == "population":
@@ -234,9 +238,11 @@ class TrainingRun:
             config = read_config(self.directory)
         elif config is None:
             config = TrainConfig()
+        if config.device == "cuda" and not torch.cuda.is_available():
+            raise ValueError("device 'cuda': torch finds no CUDA device here; learn with device 'cpu'")
         self.config = config
         self.problem = config.make_problem()
-        self.network = config.make_network(self.problem)
+        self.network = config.make_network(self.problem).to(config.device)
         self.learning = make_learning(config, self.problem, self.network)
         self.rng = np.random.default_rng(config.seed)
         self.trial = 0

@@ -28,8 +28,8 @@ def render(
     """Video, film strip, learning curve and plots of an episode of a trained run.
 
     Args:
-        run: Run directory.
-        out: Where to put them; the run directory by default.
+        run: Run directory, or name of a pretrained policy such as swim5-paper.
+        out: Where to put them; the run directory by default, for a pretrained policy a new one of its name.
         which: The weights that were fastest while training, or the last.
         duration: Length of the episode, s; the target direction is reversed after 5/13 of it, as in figure 3.
         fps: Frames per second of the video.
@@ -45,7 +45,7 @@ def render(
     console = make_console(json)
     (directory,) = run_directories(run)[:1]
     with console.status(f"drawing {directory}"):
-        pictures = render_run(directory, out or directory, duration, fps, which)
+        pictures = render_run(directory, out or (directory if run.exists() else run), duration, fps, which)
     for path in pictures.values():
         console.print(f"  {path}")
     if json:
@@ -89,6 +89,7 @@ def render_run(
         "episode": out / "episode.png",
         "trajectory": out / "trajectory.npz",
     }
+    out.mkdir(parents=True, exist_ok=True)
     trajectory.save(paths["trajectory"])
     write_video(paths["video"], frames(trajectory, fps=fps), fps)
     save_figure(film_strip(trajectory), paths["film_strip"])

@@ -26,7 +26,8 @@ def evaluate(
     """Swimming speed of a trained run in dm_control on MuJoCo, and how far V is from the returns it predicts.
 
     Args:
-        run: Run directory; with several seeds in it, each is evaluated and the interval is over seeds.
+        run: Run directory; with several seeds in it, each is evaluated and the interval is over seeds. Or the name of
+            a pretrained policy, such as swim5-paper.
         which: The weights that were fastest while training, or the last.
         episodes: Episodes of 20 s; 64 by the definition of swimming speed.
         json: Print one JSON object.
@@ -105,17 +106,20 @@ def info(run: Positional[Path | None] = None, json: bool = False) -> None:
     """What this package offers, or what a run is and how far it has come.
 
     Args:
-        run: Run directory, if any.
+        run: Run directory or name of a pretrained policy, if any.
         json: Print one JSON object.
     """
     import swimmer_mj
 
     facts: dict[str, Any]
     if run is None:
+        from swimmer_mj.learning.pretrained import pretrained_names
+
         facts = {
             "version": swimmer_mj.__version__,
             "tasks": [f"{kind}{n}" for kind in ("swim", "steer") for n in (3, 4, 5)],
             "problems": ["swim", "pendulum"],
+            "pretrained": list(pretrained_names()),
             "paper": "R. Coulom (2002), Feedforward Neural Networks in Reinforcement Learning Applied to "
             "High-dimensional Motor Control",
             "parameters": dataclasses.asdict(swimmer_mj.PAPER),
@@ -123,7 +127,7 @@ def info(run: Positional[Path | None] = None, json: bool = False) -> None:
     else:
         from swimmer_mj.learning.trainer import load_policy
 
-        _, config, checkpoint = load_policy(run)
+        _, config, checkpoint = load_policy(run_directories(run)[0])
         facts = {
             "run": str(run),
             "config": config.to_json(),
@@ -136,15 +140,19 @@ def info(run: Positional[Path | None] = None, json: bool = False) -> None:
 
 
 def run_directories(path: Path) -> list[Path]:
-    """``path`` itself if it is a run, or the runs seed-0, seed-1 .. in it."""
+    """``path`` itself if it is a run, the runs seed-0, seed-1 .. in it, or the pretrained policy of that name."""
+    from swimmer_mj.learning.pretrained import pretrained_directory, pretrained_names
     from swimmer_mj.learning.trainer import CONFIG
 
+    if not path.exists() and str(path) in pretrained_names():
+        return [pretrained_directory(str(path))]
     if (path / CONFIG).is_file():
         return [path]
     found = [p for p in path.glob("seed-*") if p.name[5:].isdigit() and (p / CONFIG).is_file()]
     if not found:
         raise FileNotFoundError(
-            f"{path} is not a run directory: it has neither {CONFIG} nor seed-0, seed-1 .."
+            f"{path} is not a run directory: it has neither {CONFIG} nor seed-0, seed-1 ..; "
+            f"nor is it one of the pretrained policies {', '.join(pretrained_names())}"
         )
     return sorted(found, key=lambda p: int(p.name[5:]))
 

@@ -38,6 +38,7 @@ def train(
     s_lambda: float = 1.0,
     vario_eta: bool = False,
     dtype: Literal["float32", "float64"] = "float32",
+    device: Literal["cpu", "cuda"] = "cpu",
     evaluate_every: int | None = None,
     json: bool = False,
 ) -> None:
@@ -63,6 +64,7 @@ def train(
         s_lambda: Decay of eligibility besides s_gamma, 1/s.
         vario_eta: Adapt the rate of each weight by vario-eta, instead of scaling the output unit's.
         dtype: Floating-point type of the network.
+        device: Where value-gradient computes; td learns on the CPU.
         evaluate_every: Trials, of 5 s of simulated time, between evaluations; 2,000 by default for td, else 1,000.
         json: Print one JSON object.
     """
@@ -97,6 +99,7 @@ def train(
         parameters=SwimmerParameters(n_links=links),
         td=td,
         dtype=dtype,
+        device=device,
         engine=engine
         or ("population" if len(chosen) > 4 and physics == "analytic" and method == "td" else "fused"),
         physics=physics,

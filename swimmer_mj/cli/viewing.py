@@ -26,7 +26,7 @@ def view(
 
     Args:
         task: Task of the dm_control suite.
-        run: Run directory of a swimmer with as many links; random torques without one.
+        run: Run directory, or name of a pretrained policy, of a swimmer with as many links; random torques without one.
         which: The weights that were fastest while training, or the last.
         seed: Of initial states and random torques.
     """

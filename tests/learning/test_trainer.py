@@ -254,3 +254,11 @@ def test_runs_together_stop_in_time(tmp_path):
 def test_configuration_refuses(arguments, message):
     with pytest.raises(ValueError, match=message):
         TrainConfig(**arguments)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device to learn on")
+def test_a_device_that_is_not_there_is_refused_before_anything_is_written(tmp_path):
+    config = dataclasses.replace(value_gradient_config(), device="cuda")
+    with pytest.raises(ValueError, match="torch finds no CUDA device here; learn with device 'cpu'"):
+        TrainingRun(tmp_path / "run", config)
+    assert not (tmp_path / "run").exists()

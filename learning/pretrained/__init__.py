@@ -1,0 +1,54 @@
+"""Policies that come with the package: one directory each, as a training run leaves it.
+
+    from swimmer_mj.learning import load_pretrained
+
+    agent = load_pretrained("swim5-paper")
+    action = agent(environment.reset().observation)
+
+``best.json`` in a directory is the policy's card: configuration, seed, trials, the commit it was shipped at, its
+swimming speed by the definition of docs/metrics.md, and how it was chosen. A directory goes wherever a run's goes, as
+in ``swimmer_mj.learning.trainer.load_policy``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from swimmer_mj.learning.checkpoint import load_checkpoint
+from swimmer_mj.learning.policy import SwimmingPolicy
+from swimmer_mj.learning.trainer import BEST, CONFIG, load_policy
+
+__all__ = ["PRETRAINED", "load_pretrained", "pretrained_card", "pretrained_directory", "pretrained_names"]
+
+PRETRAINED = Path(__file__).parent
+"""Where they are."""
+
+
+def pretrained_names() -> tuple[str, ...]:
+    """Of all policies."""
+    return tuple(sorted(path.parent.name for path in PRETRAINED.glob(f"*/{CONFIG}")))
+
+
+def pretrained_directory(name: str) -> Path:
+    """The directory of a policy.
+
+    Raises
+    ------
+    ValueError
+        There is no such policy.
+    """
+    if name not in pretrained_names():
+        raise ValueError(f"there is no pretrained policy {name!r}; there are {', '.join(pretrained_names())}")
+    return PRETRAINED / name
+
+
+def load_pretrained(name: str) -> SwimmingPolicy:
+    """A policy as an agent for the swim and steer tasks of its number of links; ``agent.policy`` has V and H."""
+    policy, _, _ = load_policy(pretrained_directory(name))
+    return SwimmingPolicy(policy)
+
+
+def pretrained_card(name: str) -> dict[str, Any]:
+    """What is known of a policy: ``config``, ``seed``, ``trial``, ``commit``, ``swimming_speed`` and so on."""
+    return load_checkpoint(pretrained_directory(name) / BEST)[1]

@@ -1,0 +1,44 @@
+"""The policies that come with the package swim in dm_control as their cards say."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from swimmer_mj import suite
+from swimmer_mj.learning import load_pretrained
+from swimmer_mj.learning.evaluation import evaluate_swimming
+from swimmer_mj.learning.pretrained import pretrained_card, pretrained_directory, pretrained_names
+
+N_EPISODES = 12
+
+
+@pytest.mark.parametrize("name", pretrained_names())
+def test_swims_as_fast_as_its_card_says(name):
+    """By the card's first episodes: rounding that differs between processors may shift a switch, not the gait."""
+    agent, card = load_pretrained(name), pretrained_card(name)
+    parameters = agent.policy.problem.parameters
+    assert name.startswith(f"swim{parameters.n_links}-")
+    assert np.mean(card["episode_speeds"]) == pytest.approx(card["swimming_speed"], abs=1e-4)
+    assert len(card["episode_speeds"]) == 64
+    found = evaluate_swimming(agent, parameters, n_episodes=N_EPISODES)
+    assert_allclose(found.speeds.mean(), np.mean(card["episode_speeds"][:N_EPISODES]), rtol=0.02)
+    assert card["config"]["method"] == ("value-gradient" if name.endswith("-value-gradient") else "td")
+    assert {"seed", "commit", "trial", "chosen", "ci95"} <= set(card)
+
+
+def test_acts_in_the_task_of_its_links():
+    environment = suite.load("swim5", task_kwargs={"random": 0})
+    action = load_pretrained("swim5-value-gradient")(environment.reset().observation)
+    assert action.shape == environment.action_spec().shape
+    assert (np.abs(action) <= 1).all()
+    environment.physics.free()
+
+
+def test_each_is_small():
+    for name in pretrained_names():
+        assert sum(path.stat().st_size for path in pretrained_directory(name).iterdir()) < 80_000
+
+
+def test_an_unknown_name_is_refused_with_those_there_are():
+    with pytest.raises(ValueError, match="no pretrained policy 'swim9'; there are .*swim5-value-gradient"):
+        load_pretrained("swim9")
