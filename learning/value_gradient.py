@@ -57,6 +57,7 @@ __all__ = [
     "targets",
     "value_and_gradient_loss",
     "value_target",
+    "weight_of_round",
 ]
 
 Array = NDArray[np.float64]
@@ -132,6 +133,15 @@ def value_and_gradient_loss(
     return value_weight * value_error + slope_error, value_error, slope_error
 
 
+def weight_of_round(k: int, share: float) -> float:
+    """What round k, from 0 on, weighs in the average of the rounds so far: a / (k + a), a = 1 / share.
+
+    Rounds then count in proportion to k^(a - 1): all alike with a share of 1, and with a small one as in a mean over
+    the last ``share`` of them. Polynomial-decay averaging, Shamir and Zhang 2013 (arXiv:1212.1824).
+    """
+    return 1 / (k * share + 1)
+
+
 # Settings --------------------------------------------------------------------------------------------------------
 
 
@@ -167,8 +177,8 @@ class ValueGradientSettings:
     """Learning rate below which it does not fall."""
     clip: float = 1.0
     """Largest norm of a gradient step."""
-    averaging: float = 0.9
-    """Share that the averaged weights, which are the result, keep in a round."""
+    averaged_share: float = 0.1
+    """The averaged weights, which are the result, are those of about this last share of all rounds."""
 
     def __post_init__(self) -> None:
         for name in ("trajectories", "steps", "minibatch", "passes"):
@@ -187,8 +197,8 @@ class ValueGradientSettings:
             raise ValueError(f"s_lambda must not be negative, got {self.s_lambda!r}")
         if not 0 <= self.flips <= 0.5:
             raise ValueError(f"flips must be in [0, 0.5], got {self.flips!r}")
-        if not 0 <= self.averaging < 1:
-            raise ValueError(f"averaging must be in [0, 1), got {self.averaging!r}")
+        if not 0 < self.averaged_share <= 1:
+            raise ValueError(f"averaged_share must be in (0, 1], got {self.averaged_share!r}")
         if self.value_weight == self.slope_weight == 0:
             raise ValueError("value_weight and slope_weight must not both be 0")
         if self.minibatch > self.trajectories * self.steps:
@@ -551,7 +561,7 @@ class ValueGradientLearner(Generic[Network]):
             for start in range(0, count - settings.minibatch + 1, settings.minibatch):
                 errors.append(self._engine.loss_gradient(self._weights, shuffled, start, self._gradient))
                 self._adam(rate)
-        self._average.lerp_(self._weights, 1 - settings.averaging)
+        self._average.lerp_(self._weights, weight_of_round(self.rounds, settings.averaged_share))
         self.rounds += 1
         value_error, slope_error = np.mean(errors, axis=0)
         return RoundStatistics(batch.reward, batch.value, float(value_error), float(slope_error))

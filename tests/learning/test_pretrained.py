@@ -40,5 +40,5 @@ def test_each_is_small():
 
 
 def test_an_unknown_name_is_refused_with_those_there_are():
-    with pytest.raises(ValueError, match="no pretrained policy 'swim9'; there are .*swim5-value-gradient"):
+    with pytest.raises(ValueError, match=r"no pretrained policy 'swim9'; there are .*swim5-value-gradient"):
         load_pretrained("swim9")

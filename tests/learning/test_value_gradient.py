@@ -1,6 +1,7 @@
 """Value-gradient learning against automatic differentiation and closed forms, before any learning curve."""
 
 import copy
+import dataclasses
 import json
 import math
 
@@ -161,7 +162,7 @@ def test_learns_the_value_of_a_linear_quadratic_problem(value_weight, slope_weig
     network = Quadratic(torch.zeros(3, 3, dtype=torch.float64))
     settings = ValueGradientSettings(
         trajectories=16, steps=20, dt=0.05, trial_duration=1.0, minibatch=32, learning_rate=0.1, half_life=6.0,
-        final_rate=1e-6, clip=100.0, value_weight=value_weight, slope_weight=slope_weight, averaging=0.0,
+        final_rate=1e-6, clip=100.0, value_weight=value_weight, slope_weight=slope_weight,
     )  # fmt: skip
     learner = ValueGradientLearner(problem, network, settings)
     for _ in range(30):
@@ -289,16 +290,18 @@ def test_resumed_it_computes_the_same_bits(engine, tmp_path):
         assert torch.equal(tensor, second.state_dict()["tensors"][name]), name
 
 
-def test_averaged_weights_follow_their_recursion_and_make_the_policy():
-    learner = ValueGradientLearner(Pendulum(), multilayer(3), SMALL)
-    average = nn.utils.parameters_to_vector(learner.network.parameters()).detach().clone()
-    for _ in range(3):
+def test_averaged_weights_are_those_of_the_last_rounds_and_make_the_policy():
+    """Round k counts by the product of (k + 1) .. (k + a - 1), about k^(a - 1): here a = 2, so by k + 1."""
+    settings = dataclasses.replace(SMALL, averaged_share=0.5)
+    learner = ValueGradientLearner(Pendulum(), multilayer(3), settings)
+    rounds = []
+    for _ in range(5):
         learner.step()
-        last = nn.utils.parameters_to_vector(learner.network.parameters()).detach()
-        average = 0.9 * average + 0.1 * last
+        rounds.append(nn.utils.parameters_to_vector(learner.network.parameters()).detach().clone())
+    expected = sum((k + 1) * weights for k, weights in enumerate(rounds)) / 15
     found = nn.utils.parameters_to_vector(learner.averaged_network().parameters())
-    assert torch.allclose(found, average, rtol=1e-14)
-    assert (found - last).abs().max() > 1e-4
+    assert torch.allclose(found, expected, rtol=1e-13)
+    assert (found - rounds[-1]).abs().max() > 1e-4
     x = np.array([[0.4, -1.0]])
     V, _ = value_and_slope(learner.averaged_network(), Pendulum(), torch.tensor(x))
     assert learner.policy().judge(x).value == pytest.approx(V.numpy(), rel=1e-12)
@@ -344,7 +347,7 @@ def test_slopes_count_in_units_of_network_inputs():
         ({"steps": 0}, "steps must be an integer of at least 1, got 0"),
         ({"dt": float("nan")}, "dt must be positive and finite, got nan"),
         ({"flips": 0.7}, r"flips must be in \[0, 0.5\], got 0.7"),
-        ({"averaging": 1.0}, r"averaging must be in \[0, 1\), got 1.0"),
+        ({"averaged_share": 0.0}, r"averaged_share must be in \(0, 1\], got 0.0"),
         ({"s_lambda": -1.0}, "s_lambda must not be negative, got -1.0"),
         ({"slope_weight": 0.0, "value_weight": 0.0}, "value_weight and slope_weight must not both be 0"),
         ({"trajectories": 2, "steps": 5, "minibatch": 11}, "minibatch must be at most .* = 10, got 11"),
