@@ -365,6 +365,14 @@ class PopulationTD:
         s_lambda = [learner.settings.s_lambda for learner in learners]
         self._s_lambda = np.array(s_lambda + [0.0] * (LANES - len(learners)))
 
+    @property
+    def final_states(self) -> Array:
+        """Where the last trial of each learner ended, shape (learners, p)."""
+        p, count = self.problem.state_size, len(self.learners)
+        if self._lanes is None:
+            return self._ws.x[:count].copy()
+        return self._ws.lanes.x.reshape(p, LANES).T[:count].copy()
+
     def _load(self, name: str) -> Real:
         """Tensors ``name`` of the learners, as the kernel has them: (n_weights, LANES); idle lanes have zeros."""
         tensors = [getattr(learner, name).numpy()[self._connected] for learner in self.learners]

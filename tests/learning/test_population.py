@@ -203,3 +203,21 @@ def test_refuses_initial_states_of_another_shape(pair):
         )
         with pytest.raises(ValueError, match=message):
             pack.train(states)
+
+
+@pytest.mark.parametrize("problem", [Swimming(PAPER), Pendulum()], ids=lambda problem: problem.name)
+def test_final_states_are_where_the_last_trials_ended(problem):
+    settings = TDSettings(eta=0.04, trial_duration=0.1)
+    learners = [FusedTD(problem, network_for(problem, seed), settings) for seed in range(2)]
+    starts = starts_for(problem, 2, 2)
+    references = [ContinuousTD(problem, copy.deepcopy(learner.network), settings) for learner in learners]
+    population = PopulationTD(learners)
+    population.train(starts)
+    for lane, reference in enumerate(references):
+        reference.run_trial(starts[0, lane])
+        x = starts[1, lane]
+        reference.start_trial()
+        for _ in range(settings.steps_per_trial):
+            x = problem.step(x, reference.learn_at(x).control, settings.dt)
+        assert np.abs(x - starts[1, lane]).max() > 0.01
+        assert population.final_states[lane] == pytest.approx(x, rel=1e-9, abs=1e-11)
