@@ -39,6 +39,6 @@ def variance(v: T, change: T, rate: T, beta: float) -> T:
     return (1 - beta) * v + beta * (change / rate) ** 2  # type: ignore[operator, return-value]
 
 
-def learning_rate(v: T, eta: float, epsilon: float) -> T:
+def learning_rate(v: T, eta: float | T, epsilon: float | T) -> T:
     """eta_i(k) = eta / (sqrt(v_i(k)) + epsilon)."""
     return eta / (v**0.5 + epsilon)  # type: ignore[operator, return-value]

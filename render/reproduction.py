@@ -23,7 +23,9 @@ from swimmer_mj.learning.experiments import (
     value_bias,
 )
 from swimmer_mj.learning.experiments.tables import LOGS, Path, Table, read_table, rows_where
+from swimmer_mj.render.bands import NAMES, band, quartiles
 from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, plain_axes
+from swimmer_mj.render.second_order import draw_section_3_4
 
 __all__ = [
     "FIGURES",
@@ -36,27 +38,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Logs = str | os.PathLike[str]
-
-NAMES = {"pendulum": "pendulum", "swim5": "swimmer, 5 links"}
-
-
-def _quartiles(table: Table, x: str, y: str) -> tuple[Array, Array, Array, Array]:
-    """``x`` and the quartiles of ``y`` over the rows that share it."""
-    at = np.unique(table[x])
-    low, middle, high = np.array(
-        [np.quantile(table[y][table[x] == value], [0.25, 0.5, 0.75]) for value in at]
-    ).T
-    return at, low, middle, high
-
-
-def _band(axes: Axes, table: Table, x: str, y: str, color: str, label: str) -> None:
-    """Median and interquartile band of ``y`` over seeds, each seed faint behind."""
-    for seed in np.unique(table["seed"]):
-        one = rows_where(table, seed=seed)
-        axes.plot(one[x], one[y], color=color, linewidth=0.5, alpha=0.3)
-    at, low, middle, high = _quartiles(table, x, y)
-    axes.fill_between(at, low, high, color=color, alpha=0.18, linewidth=0)
-    axes.plot(at, middle, color=color, linewidth=1.8, label=label)
 
 
 def _legend_above(axes: Axes, columns: int) -> None:
@@ -113,7 +94,7 @@ def draw_figure_1(logs: Logs = LOGS) -> Figure:
 
     for method, color in zip(figure_1.METHODS, (GREY, BLUE), strict=True):
         label = "basic" if method == "basic" else r"vario-$\eta$"
-        _band(panels[0, 2], rows_where(rewards, method=method), "trial", "reward", color, label)
+        band(panels[0, 2], rows_where(rewards, method=method), "trial", "reward", color, label)
     panels[0, 2].set_title(f"{len(np.unique(rewards['seed']))} seeds, median and quartiles", fontsize=10)
     panels[0, 2].set_ylabel(r"mean reward $\cos\,\theta$")
     panels[0, 2].legend(frameon=False, fontsize=9, loc="lower right")
@@ -175,7 +156,7 @@ def draw_section_3_3(logs: Logs = LOGS) -> Figure:
                 now = rows_where(rows, trial=trial, output_scaling=scaling)
                 if not now["n"].size:
                     continue
-                at, low, middle, high = _quartiles(now, "n", "ratio")
+                at, low, middle, high = quartiles(now, "n", "ratio")
                 last = trial == moments[-1]
                 label = f"{trial:,.0f} trials" + (
                     ", scaled" if last and scaling else ", one rate" if last else ""
@@ -206,7 +187,7 @@ def draw_section_3_3(logs: Logs = LOGS) -> Figure:
             ("internal_p05", GREY, "5th percentile"),
         ):
             end[name] = end[name] / end["internal_p50"]
-            at, low, middle, high = _quartiles(end, "n", name)
+            at, low, middle, high = quartiles(end, "n", name)
             style = "--" if name.startswith("internal") else "-"
             bottom.plot(at, middle, style, color=color, marker="o", markersize=4, linewidth=1.3, label=label)
             bottom.fill_between(at, low, high, color=color, alpha=0.15, linewidth=0)
@@ -234,7 +215,7 @@ def draw_linear(logs: Logs = LOGS) -> Figure:
     for axes in (curve, weights, seconds):
         plain_axes(axes)
     for name, color in zip(linear_approximators.APPROXIMATORS, COLORS, strict=False):
-        _band(curve, rows_where(learning, approximator=name), "trial", "reward", color, name)
+        band(curve, rows_where(learning, approximator=name), "trial", "reward", color, name)
         rows = rows_where(cost, approximator=name)
         links, size, time = rows["links"], rows["weights"], rows["seconds"]
         label = {
@@ -356,7 +337,7 @@ def draw_hamiltonian(logs: Logs = LOGS) -> Figure:
 
     for form, color in (("gradient", ORANGE), ("difference", BLUE)):
         rows = rows_where(learning, form=form)
-        _band(
+        band(
             reward,
             rows,
             "trial",
@@ -364,7 +345,7 @@ def draw_hamiltonian(logs: Logs = LOGS) -> Figure:
             color,
             r"$\partial V/\partial x\cdot f$" if form == "gradient" else r"$\Delta V/dt$",
         )
-        _band(bias, rows, "trial", "bias", color, form)
+        band(bias, rows, "trial", "bias", color, form)
     seeds = len(np.unique(learning["seed"]))
     for axes, label in ((reward, r"mean reward $\cos\,\theta$"), (bias, "bias of V  (s)")):
         axes.set_xlabel("trials")
@@ -413,7 +394,7 @@ def draw_value_bias(logs: Logs = LOGS) -> Figure:
         summary = panels[row, -1]
         plain_axes(summary)
         for name, color, label in (("bias", ORANGE, "bias"), ("deviation", BLUE, "deviation")):
-            _band(summary, errors, "trial", name, color, label)
+            band(summary, errors, "trial", name, color, label)
         summary.axhline(0, color=INK, linewidth=0.8)
         summary.set_xscale("log")
         trials = np.unique(errors["trial"]).tolist()
@@ -431,6 +412,7 @@ def draw_value_bias(logs: Logs = LOGS) -> Figure:
 FIGURES: dict[str, Callable[[Logs], Figure]] = {
     "figure-1": draw_figure_1,
     "section-3.3": draw_section_3_3,
+    "section-3.4": draw_section_3_4,
     "linear": draw_linear,
     "hamiltonian": draw_hamiltonian,
     "value-bias": draw_value_bias,

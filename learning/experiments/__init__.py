@@ -14,6 +14,7 @@ from swimmer_mj.learning.experiments import (
     hamiltonians,
     linear_approximators,
     section_3_3,
+    section_3_4,
     value_bias,
 )
 from swimmer_mj.learning.experiments.tables import LOGS
@@ -48,6 +49,17 @@ EXPERIMENTS: dict[str, Experiment] = {
             "noise of output connections over that of internal ones against the number of neurons",
             section_3_3.run,
             (section_3_3.LOG,),
+        ),
+        Experiment(
+            "section-3.4",
+            "plain descent, scaled output, vario-eta and diagonal Levenberg-Marquardt; noise and curvature",
+            section_3_4.run,
+            (
+                section_3_4.LEARNING_LOG,
+                section_3_4.SWEEP_LOG,
+                section_3_4.NOISE_LOG,
+                section_3_4.WEIGHTS_LOG,
+            ),
         ),
         Experiment(
             "linear",
