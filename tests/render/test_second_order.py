@@ -14,7 +14,7 @@ def panels():
     return np.reshape(draw_section_3_4().axes, (len(TASKS), 4))
 
 
-@pytest.mark.parametrize(("row", "problem"), enumerate(TASKS))
+@pytest.mark.parametrize(("row", "problem"), [*enumerate(TASKS)])
 def test_draws_the_median_of_all_seeds_of_each_method(panels, row, problem):
     table = rows_where(read_table(LOGS / section_3_4.LEARNING_LOG), problem=problem)
     lines = {line.get_label(): line for line in panels[row, 0].lines}
@@ -26,7 +26,7 @@ def test_draws_the_median_of_all_seeds_of_each_method(panels, row, problem):
             assert middle == pytest.approx(np.median(reward))
 
 
-@pytest.mark.parametrize(("row", "problem"), enumerate(TASKS))
+@pytest.mark.parametrize(("row", "problem"), [*enumerate(TASKS)])
 def test_draws_each_weight_of_one_run(panels, row, problem):
     table = rows_where(read_table(LOGS / section_3_4.WEIGHTS_LOG), problem=problem)
     hidden, output = panels[row, 2].lines
@@ -40,7 +40,7 @@ def test_draws_each_weight_of_one_run(panels, row, problem):
     assert len(hidden.get_xdata()) == sum(inputs + 1 + i for i in range(n - 1))
 
 
-@pytest.mark.parametrize(("row", "problem"), enumerate(TASKS))
+@pytest.mark.parametrize(("row", "problem"), [*enumerate(TASKS)])
 def test_draws_noise_and_rank_correlation_of_each_method(panels, row, problem):
     table = rows_where(read_table(LOGS / section_3_4.NOISE_LOG), problem=problem)
     last = table["trial"].max()
