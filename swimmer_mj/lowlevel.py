@@ -46,7 +46,6 @@ LANES = 16
 FAST = {"contract", "nsz", "arcp"}
 """Multiply-adds may be fused; nothing may be assumed of NaN or infinity, nor sums reordered."""
 
-
 TWO_OVER_PI = 2 / math.pi
 
 
