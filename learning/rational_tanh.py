@@ -58,7 +58,7 @@ def tanh_of_one(x: np.float32) -> np.float32:
     return (x * p) * (np.float32(1.0) / q)
 
 
-@njit(fastmath=FAST, error_model="numpy", inline="always")
+@njit(fastmath=FAST, error_model="numpy", forceinline=True)
 def tanh_of_lanes(x: Any) -> Any:
     """tanh of each lane, soon."""
     p, q = _by_pairs(clamp(x * x, np.float32(0.0), LIMIT * LIMIT))
