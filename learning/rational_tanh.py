@@ -10,6 +10,9 @@ operations, and so for the last bits:
   the fewest operations.
 """
 
+# pyright: reportCallIssue=false
+# numba gives its intrinsics their first argument, the typing context, itself.
+
 from __future__ import annotations
 
 from typing import Any

@@ -1,6 +1,6 @@
 """More for the SIMD vectors of :mod:`swimmer_mj.lowlevel`: functions of their lanes, conversion of their type."""
 
-# pyright: reportCallIssue=false, reportOptionalCall=false
+# pyright: reportCallIssue=false
 # numba gives its intrinsics their first argument, the typing context, itself.
 
 from __future__ import annotations

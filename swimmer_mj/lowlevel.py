@@ -6,6 +6,9 @@ the run-time alias checks that keep numba's own vectoriser from being useful on 
 minus work on vectors, and on a vector and a float, in numba functions, lane by lane.
 """
 
+# pyright: reportOptionalCall=false
+# numba's decorators carry no types.
+
 from __future__ import annotations
 
 import math
