@@ -21,7 +21,7 @@ class VarioEta:
     beta: float = 0.01
     """Variance decay per trial (paper: "a typical choice is 1/100")."""
     epsilon: float = 0.01
-    """Bounds the rate at eta / epsilon (chosen: far below the noise seen, 0.1 to 10)."""
+    """Bounds the rate at eta / epsilon (chosen; sqrt(v) as seen is 0.001 to 0.1)."""
     initial_variance: float = 100.0
     """v_i(0), "a large enough value" (chosen: rates start at about eta / 10 and grow)."""
 
