@@ -152,7 +152,7 @@ def _kept(log: Path, last_look: int) -> dict[tuple[str, str, int], list[Row]]:
     learners: dict[tuple[str, str, int], list[Row]] = {}
     for row in rows:
         learners.setdefault((str(row[0]), _text(row[1]), int(row[2])), []).append(row)
-    return {key: rows for key, rows in learners.items() if rows[-1][4] >= last_look}
+    return {key: rows for key, rows in learners.items() if float(rows[-1][4]) >= last_look}
 
 
 def _text(cell: str | float) -> str:
