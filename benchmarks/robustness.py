@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -122,36 +122,45 @@ def print_table(rows: list[tuple[int, str, float]], console: Console) -> None:
     console.print(table)
 
 
-def main(run: tyro.conf.Positional[Path], out: Path = Path("benchmarks/results/robustness.csv")) -> None:
+def read(out: Path) -> list[tuple[int, str, float]]:
+    """The rows of the CSV so far; an empty one is made where there is none."""
+    if not out.exists():
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(",".join(COLUMNS) + "\n")
+    with out.open(newline="") as file:
+        return [(int(row["seed"]), row["change"], float(row["speed"])) for row in csv.DictReader(file)]
+
+
+def main(
+    run: tyro.conf.Positional[Path],
+    seeds: Sequence[int] = tuple(range(10)),
+    out: Path = Path("benchmarks/results/robustness.csv"),
+) -> None:
     """Evaluate the best weights of each seed under changes that they were not learned with.
 
     Args:
         run: Directory with runs ``seed-0``, ``seed-1`` and so on, of 5 links.
-        out: CSV to write.
+        seeds: Which of them; what is in the CSV already is not done again.
+        out: CSV to append to, a seed at a time.
     """
     torch.set_num_threads(1)
     console = Console()
-    directories = sorted(run.glob("seed-*"), key=lambda path: int(path.name.split("-")[1]))
-    if not directories:
-        raise SystemExit(
-            f"there is no seed-* in {run}; make them with swimmer-mj train --seeds 0-9 --out {run}"
-        )
-    rows: list[tuple[int, str, float]] = []
-    for directory in directories:
-        policy, config, _ = load_policy(directory)
+    done = {seed for seed, *_ in read(out)}
+    for seed in seeds:
+        if seed in done:
+            continue
+        policy, config, _ = load_policy(run / f"seed-{seed}")
         if config.problem != "swim" or config.parameters != PAPER:
-            raise SystemExit(f"{directory} is not a run of the paper's swimmer of 5 links")
+            raise SystemExit(f"{run}/seed-{seed} is not a run of the paper's swimmer of 5 links")
         act = quick(policy)
-        for change, parameters in changed_swimmers():
-            rows.append((config.seed, change, swimming_speed(act, parameters).mean))
-        rows.append((config.seed, f"steps of {CONTROL_TIMESTEP / FINER} s", speed_with_finer_steps(act)))
-        console.print(f"{directory}: {rows[-1][2]:.3f} m/s with finer steps")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with out.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows((seed, change, f"{speed:.4f}") for seed, change, speed in rows)
-    print_table(rows, console)
+        rows = [(change, swimming_speed(act, swimmer).mean) for change, swimmer in changed_swimmers()]
+        rows.append((f"steps of {CONTROL_TIMESTEP / FINER} s", speed_with_finer_steps(act)))
+        with out.open("a", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows(
+                (seed, change, f"{speed:.4f}") for change, speed in rows
+            )
+        console.print(f"seed {seed}: {rows[0][1]:.3f} m/s, {rows[-1][1]:.3f} m/s with finer steps")
+    print_table(read(out), console)
 
 
 if __name__ == "__main__":
