@@ -70,6 +70,7 @@ def test_help_imports_nothing_heavy():
         (["train", "--out", "r", "--trials", "0"], "--trials must be positive, got 0"),
         (["train", "--out", "r", "--device", "cuda"], "'td' learns on the CPU"),
         (["train", "--out", "r", "--resume"], "is not a run directory"),
+        (["train", "--out", "swim5-value-gradient", "--resume"], "is not a run directory"),
         (["evaluate", "nowhere"], "nowhere is not a run directory"),
         (["render", "nowhere", "--duration", "0"], "--duration must be at least 1 s, got 0.0"),
         (["info", "nowhere"], "nor is it one of the pretrained policies swim"),

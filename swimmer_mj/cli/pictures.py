@@ -9,7 +9,7 @@ from typing import Literal
 from tyro.conf import Positional
 
 from swimmer_mj.cli.output import make_console, print_json
-from swimmer_mj.cli.runs import Which, run_directories
+from swimmer_mj.cli.runs import Which, policy_directories
 
 __all__ = ["Backend", "figures", "render", "render_run"]
 
@@ -43,7 +43,7 @@ def render(
 
     use_backend(backend)
     console = make_console(json)
-    (directory,) = run_directories(run)[:1]
+    (directory,) = policy_directories(run)[:1]
     with console.status(f"drawing {directory}"):
         pictures = render_run(directory, out or (directory if run.exists() else run), duration, fps, which)
     for path in pictures.values():

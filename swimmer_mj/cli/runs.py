@@ -12,7 +12,15 @@ from tyro.conf import Positional
 
 from swimmer_mj.cli.output import make_console, print_evaluation, print_json
 
-__all__ = ["Which", "evaluate", "evaluate_run", "free_directory", "info", "run_directories"]
+__all__ = [
+    "Which",
+    "evaluate",
+    "evaluate_run",
+    "free_directory",
+    "info",
+    "policy_directories",
+    "run_directories",
+]
 
 Which = Literal["best", "last"]
 
@@ -35,7 +43,7 @@ def evaluate(
     if not 1 <= episodes <= 64:
         raise ValueError(f"--episodes must be between 1 and 64, got {episodes}")
     console = make_console(json)
-    directories = run_directories(run)
+    directories = policy_directories(run)
     results = []
     for directory in directories:
         with console.status(f"evaluating {directory}"):
@@ -127,7 +135,7 @@ def info(run: Positional[Path | None] = None, json: bool = False) -> None:
     else:
         from swimmer_mj.learning.trainer import load_policy
 
-        _, config, checkpoint = load_policy(run_directories(run)[0])
+        _, config, checkpoint = load_policy(policy_directories(run)[0])
         facts = {
             "run": str(run),
             "config": config.to_json(),
@@ -140,21 +148,30 @@ def info(run: Positional[Path | None] = None, json: bool = False) -> None:
 
 
 def run_directories(path: Path) -> list[Path]:
-    """``path`` itself if it is a run, the runs seed-0, seed-1 .. in it, or the pretrained policy of that name."""
-    from swimmer_mj.learning.pretrained import pretrained_directory, pretrained_names
+    """``path`` itself if it is a run, or the runs seed-0, seed-1 .. in it."""
     from swimmer_mj.learning.trainer import CONFIG
 
-    if not path.exists() and str(path) in pretrained_names():
-        return [pretrained_directory(str(path))]
     if (path / CONFIG).is_file():
         return [path]
     found = [p for p in path.glob("seed-*") if p.name[5:].isdigit() and (p / CONFIG).is_file()]
     if not found:
         raise FileNotFoundError(
-            f"{path} is not a run directory: it has neither {CONFIG} nor seed-0, seed-1 ..; "
-            f"nor is it one of the pretrained policies {', '.join(pretrained_names())}"
+            f"{path} is not a run directory: it has neither {CONFIG} nor seed-0, seed-1 .."
         )
     return sorted(found, key=lambda p: int(p.name[5:]))
+
+
+def policy_directories(path: Path) -> list[Path]:
+    """:func:`run_directories`, or the pretrained policy of that name: to be read, not to be resumed."""
+    from swimmer_mj.learning.pretrained import pretrained_directory, pretrained_names
+
+    if path.exists():
+        return run_directories(path)
+    if str(path) in pretrained_names():
+        return [pretrained_directory(str(path))]
+    raise FileNotFoundError(
+        f"{path} is not a run directory, nor is it one of the pretrained policies {', '.join(pretrained_names())}"
+    )
 
 
 def free_directory(path: Path) -> Path:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from tyro.conf import Positional
 
 from swimmer_mj.cli.output import make_console
-from swimmer_mj.cli.runs import Which, run_directories
+from swimmer_mj.cli.runs import Which, policy_directories
 
 __all__ = ["lacks_screen", "view"]
 
@@ -59,7 +59,7 @@ def _open_viewer(task: str, run: Path | None, which: Which, seed: int) -> None:
         from swimmer_mj.learning.policy import SwimmingPolicy
         from swimmer_mj.learning.trainer import load_policy
 
-        (directory,) = run_directories(run)[:1]
+        (directory,) = policy_directories(run)[:1]
         greedy, config, _ = load_policy(directory, which)
         if config.problem != "swim":
             raise ValueError(f"{directory} learned {config.problem!r}; only swimmers are shown")
