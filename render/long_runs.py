@@ -4,60 +4,25 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter
+from matplotlib.ticker import EngFormatter, LogFormatter
 from numpy.typing import NDArray
 
 from swimmer_mj.learning.evaluation import mean_and_interval
 from swimmer_mj.learning.experiments import what_decides
+from swimmer_mj.learning.experiments.summaries import peaks
 from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where
 from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, plain_axes
 
-__all__ = ["Peak", "draw_long_runs", "draw_what_decides", "peaks"]
+__all__ = ["draw_long_runs", "draw_what_decides"]
 
 Array = NDArray[np.float64]
 Logs = str | os.PathLike[str]
 
 PRESETS = {"paper": (BLUE, r"$\eta$ = 0.01 (the paper's)"), "tuned": (ORANGE, r"$\eta$ = 0.04")}
-
-
-class Peak(NamedTuple):
-    """The best of one run, and what became of it."""
-
-    seed: int
-    peak: float
-    """Highest speed at an evaluation, m/s."""
-    at: float
-    """Trials then."""
-    lowest_after: float
-    """Lowest speed at a later evaluation, m/s; the peak itself if it is the last."""
-    last: float
-    """Speed at the last evaluation, m/s."""
-    trials: float
-    """Trials at the last evaluation."""
-
-
-def peaks(table: Table, preset: str) -> list[Peak]:
-    """For each seed of a preset."""
-    found = []
-    for seed in np.unique(rows_where(table, preset=preset)["seed"]):
-        run = rows_where(table, preset=preset, seed=float(seed))
-        best = int(np.argmax(run["speed"]))
-        found.append(
-            Peak(
-                int(seed),
-                float(run["speed"][best]),
-                float(run["trial"][best]),
-                float(run["speed"][best:].min()),
-                float(run["speed"][-1]),
-                float(run["trial"][-1]),
-            )
-        )
-    return found
 
 
 def _runs(axes: Axes, table: Table, quantity: str, color: str, label: str) -> None:
@@ -95,6 +60,9 @@ def draw_long_runs(name: str, logs: Logs = LOGS) -> Figure:
     for axes in (value, hamiltonian, speed):
         axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     hamiltonian.set_yscale("log")
+    hamiltonian.yaxis.set_major_formatter(LogFormatter())
+    hamiltonian.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(1, 0.5)))
+    speed.set_ylim(bottom=min(0.0, speed.get_ylim()[0]))
     value.set_ylabel(r"$\langle V \rangle_S$  (m)")
     hamiltonian.set_ylabel(r"$\langle H^2 \rangle_S$  (m$^2$/s$^2$)")
     speed.set_ylabel("swimming speed  (m/s)")

@@ -303,8 +303,12 @@ def test_module_is_the_command():
 def test_figures_draws_what_is_asked_for(tmp_path, capsys):
     status, out, _ = run(capsys, "figures", "section-3.3", "--out", tmp_path, "--json")
     assert status == 0
-    assert json.loads(out) == {"pictures": {"section-3.3": str(tmp_path / "section-3.3.png")}}
+    assert json.loads(out) == {
+        "pictures": {"section-3.3": str(tmp_path / "section-3.3.png")},
+        "tables": {"section-3.3": str(tmp_path / "section-3.3.md")},
+    }
     assert (tmp_path / "section-3.3.png").read_bytes()[:4] == b"\x89PNG"
+    assert "| pendulum | 4,000 | 15 | 8 | 1.09 [" in (tmp_path / "section-3.3.md").read_text()
 
 
 def test_figures_names_what_there_is(tmp_path, capsys):

@@ -34,12 +34,14 @@ class Swimmer(NamedTuple):
     neurons: int
     """Of the cascade, the output counted."""
     trials: int
+    steps_per_s: float
+    """Learning steps that one learner alone does on one core of the machine of docs/performance.md."""
 
 
 SWIMMERS = {
-    "swim3": Swimmer(3, 30, 1_000_000),
-    "swim4": Swimmer(4, 60, 1_000_000),
-    "swim5": Swimmer(5, 60, 3_000_000),
+    "swim3": Swimmer(3, 30, 1_000_000, 1.0e6),
+    "swim4": Swimmer(4, 60, 1_000_000, 4.7e5),
+    "swim5": Swimmer(5, 60, 3_000_000, 4.38e5),
 }
 
 

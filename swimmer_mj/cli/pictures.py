@@ -8,7 +8,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from swimmer_mj.cli.output import make_console, print_json
+from swimmer_mj.cli.output import make_console, make_table, print_json
 from swimmer_mj.cli.runs import Which, policy_directories
 
 __all__ = ["Backend", "figures", "render", "render_run"]
@@ -111,10 +111,14 @@ def figures(
     Args:
         names: Which; all of them by default, and their names where one is unknown.
         rerun: Compute the logs anew, in the directory logs within out (docs/reproduction.md says how long each takes).
-        out: Directory of the pictures.
+        out: Directory of the pictures, and of the tables that sum some of them up, in Markdown.
         json: Print one JSON object.
     """
+    from rich.markup import escape
+
+    from swimmer_mj.files import replacing
     from swimmer_mj.learning.experiments import EXPERIMENTS, LOGS
+    from swimmer_mj.learning.experiments.summaries import TABLES
     from swimmer_mj.render.figures import save_figure
     from swimmer_mj.render.reproduction import FIGURES
 
@@ -123,7 +127,7 @@ def figures(
             raise ValueError(f"there is no figure {name!r}; there are {', '.join(FIGURES)}")
     console = make_console(json)
     logs = out / "logs" if rerun else LOGS
-    pictures = {}
+    pictures, tables = {}, {}
     for name in names or FIGURES:
         if rerun:
             logs.mkdir(parents=True, exist_ok=True)
@@ -131,5 +135,19 @@ def figures(
         pictures[name] = out / f"{name}.png"
         save_figure(FIGURES[name](logs), pictures[name])
         console.print(f"{EXPERIMENTS[name].description}: {pictures[name]}", markup=False, soft_wrap=True)
+        if name in TABLES:
+            summary = TABLES[name](logs)
+            tables[name] = out / f"{name}.md"
+            with replacing(tables[name]) as partial:
+                partial.write_text(f"{summary.title}\n\n{summary.markdown()}", encoding="utf-8")
+            table = make_table(summary.title, summary.header)
+            for row in summary.rows:
+                table.add_row(*(escape(cell) for cell in row))
+            console.print(table)
     if json:
-        print_json({"pictures": {name: str(path) for name, path in pictures.items()}})
+        print_json(
+            {
+                kind: {name: str(path) for name, path in paths.items()}
+                for kind, paths in (("pictures", pictures), ("tables", tables))
+            }
+        )

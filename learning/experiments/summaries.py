@@ -1,0 +1,208 @@
+"""The experiments' results in numbers: tables made from the logs, as the figures are.
+
+:data:`TABLES` has them by the name of the experiment; ``swimmer-mj figures NAME`` prints them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimmer_mj.learning.evaluation import mean_and_interval
+from swimmer_mj.learning.experiments import long_runs, section_3_3, what_decides
+from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where
+
+__all__ = [
+    "TABLES",
+    "Peak",
+    "Summary",
+    "learning_times",
+    "noise_ratios",
+    "peaks",
+    "speeds_by_setting",
+    "trials_to",
+]
+
+Array = NDArray[np.float64]
+Logs = str | os.PathLike[str]
+
+SHARES = (0.5, 0.8, 0.95)
+"""Of a run's top speed."""
+
+STEPS_PER_TRIAL = 500
+
+
+class Summary(NamedTuple):
+    """A table of text."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+
+    def markdown(self) -> str:
+        """The table in Markdown, without its title."""
+        lines = [self.header, ("---",) * len(self.header), *self.rows]
+        return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+
+
+def _with_interval(values: Array, digits: int = 2) -> str:
+    """Mean and, of several values, its bootstrap 95 % interval."""
+    if len(values) == 1:
+        return f"{values[0]:.{digits}f}"
+    mean, (low, high) = mean_and_interval(values)
+    return f"{mean:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+# Long runs ---------------------------------------------------------------------------------------------------------
+
+
+class Peak(NamedTuple):
+    """The best of one run, and what became of it."""
+
+    seed: int
+    peak: float
+    """Highest speed at an evaluation, m/s."""
+    at: float
+    """Trials then."""
+    lowest_after: float
+    """Lowest speed at a later evaluation, m/s; the peak itself if it is the last."""
+    last: float
+    """Speed at the last evaluation, m/s."""
+    trials: float
+    """Trials at the last evaluation."""
+
+
+def _runs(table: Table, preset: str) -> list[Table]:
+    """The rows of each seed of a preset."""
+    rows = rows_where(table, preset=preset)
+    return [rows_where(rows, seed=float(seed)) for seed in np.unique(rows["seed"])]
+
+
+def peaks(table: Table, preset: str) -> list[Peak]:
+    """For each seed of a preset."""
+    found = []
+    for run in _runs(table, preset):
+        best = int(np.argmax(run["speed"]))
+        found.append(
+            Peak(
+                int(run["seed"][0]),
+                float(run["speed"][best]),
+                float(run["trial"][best]),
+                float(run["speed"][best:].min()),
+                float(run["speed"][-1]),
+                float(run["trial"][-1]),
+            )
+        )
+    return found
+
+
+def trials_to(table: Table, preset: str, share: float) -> Array:
+    """Trials of each seed when an evaluation first saw ``share`` of that seed's top speed, shape (seeds,)."""
+    return np.array(
+        [run["trial"][np.argmax(run["speed"] >= share * run["speed"].max())] for run in _runs(table, preset)]
+    )
+
+
+def _trials_and_hours(trials: Array, steps_per_s: float) -> str:
+    """Median and quartiles over seeds, in thousands, and the median's hours."""
+    low, middle, high = np.quantile(trials, [0.25, 0.5, 0.75])
+    hours = middle * STEPS_PER_TRIAL / steps_per_s / 3600
+    return f"{middle / 1e3:,.0f}k [{low / 1e3:,.0f}k, {high / 1e3:,.0f}k], {hours:.2f} h"
+
+
+def learning_times(name: str, logs: Logs = LOGS) -> Summary:
+    """Trials and hours to shares of the top speed, for each preset of a swimmer, the paper's beside them."""
+    table = read_table(Path(logs) / f"{name}.csv")
+    swimmer = long_runs.SWIMMERS[name]
+    rows = []
+    for preset, eta in long_runs.ETAS.items():
+        if preset not in table["preset"]:
+            continue
+        runs = peaks(table, preset)
+        kept = np.array([run.last / run.peak for run in runs])
+        rows.append(
+            (
+                f"eta {eta:g}, {len(runs)} seeds, {min(run.trials for run in runs) / 1e6:g} million trials",
+                _with_interval(np.array([run.peak for run in runs])),
+                *(
+                    _trials_and_hours(trials_to(table, preset, share), swimmer.steps_per_s)
+                    for share in (*SHARES, 1.0)
+                ),
+                _with_interval(kept),
+            )
+        )
+    if name == "swim5":
+        rows.append(("the paper, one run, 800 MHz", "-", "-", "-", "-", "2,500k, a week", "collapsed"))
+    return Summary(
+        f"{swimmer.links} links, {swimmer.neurons} neurons: trials and hours to shares of each run's top speed, median "
+        f"[quartiles] over seeds; hours of one learner alone on one core, {swimmer.steps_per_s:,.0f} steps/s",
+        (
+            "run",
+            "top speed, m/s",
+            *(f"to {share:.0%}" for share in SHARES),
+            "to the top",
+            "last / top speed",
+        ),
+        rows,
+    )
+
+
+# Others ------------------------------------------------------------------------------------------------------------
+
+
+def noise_ratios(logs: Logs = LOGS) -> Summary:
+    """Section 3.3: the ratio of output and internal variances, divided by the number of neurons."""
+    table = rows_where(read_table(Path(logs) / section_3_3.LOG), output_scaling=1)
+    rows = []
+    for problem in dict.fromkeys(table["problem"].tolist()):
+        of_problem = rows_where(table, problem=problem)
+        for trial in np.unique(of_problem["trial"]):
+            for n in np.unique(of_problem["n"]):
+                cell = rows_where(of_problem, trial=float(trial), n=float(n))
+                ratio = cell["output"] / cell["internal"] / n
+                seeds = len(np.unique(cell["seed"]))
+                rows.append((problem, f"{trial:,.0f}", f"{n:.0f}", str(seeds), _with_interval(ratio)))
+    return Summary(
+        "variance on connections to the output over that of internal ones, divided by n",
+        ("problem", "trials", "n", "seeds", "ratio / n"),
+        rows,
+    )
+
+
+def speeds_by_setting(logs: Logs = LOGS) -> Summary:
+    """The sweep: speed and mean squared Hamiltonian at the end with one choice changed."""
+    table = read_table(Path(logs) / what_decides.LOG)
+    end = table["simulated_seconds"].max()
+    rows = []
+    for factor, setting in dict.fromkeys(
+        zip(table["factor"].tolist(), table["setting"].tolist(), strict=True)
+    ):
+        cell = rows_where(table, factor=factor, setting=setting)
+        at_end = {name: column[cell["simulated_seconds"] == end] for name, column in cell.items()}
+        speed = at_end["speed"]
+        rows.append(
+            (
+                factor,
+                setting,
+                str(len(speed)),
+                _with_interval(speed),
+                f"{np.median(speed):.2f}",
+                f"{np.median(at_end['mean_squared_hamiltonian']):.2g}",
+            )
+        )
+    return Summary(
+        f"one choice changed at a time, after {end:,.0f} s of simulated time",
+        ("factor", "setting", "seeds", "speed, m/s", "median", "median <H²>, m²/s²"),
+        rows,
+    )
+
+
+TABLES: dict[str, Callable[[Logs], Summary]] = {
+    "section-3.3": noise_ratios,
+}
+"""What sums up the logs of each experiment that has a table."""

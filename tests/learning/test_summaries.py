@@ -1,0 +1,107 @@
+"""The tables of the experiments, from logs whose numbers are known."""
+
+import numpy as np
+import pytest
+
+from swimmer_mj.learning.experiments import section_3_3, summaries, what_decides
+from swimmer_mj.learning.experiments.tables import read_table, write_table
+from swimmer_mj.learning.trainer import Metrics
+
+LONG_RUNS = ("preset", "seed", *Metrics._fields)
+
+
+def write_long_runs(directory, name, speeds):
+    """Runs (preset, seed) with these speeds at 20,000, 40,000, ... trials."""
+    rows = [
+        (preset, seed, *Metrics(20_000 * (k + 1), 1.0, 0.1, 0.2, speed))
+        for (preset, seed), of_run in speeds.items()
+        for k, speed in enumerate(of_run)
+    ]
+    write_table(directory / f"{name}.csv", LONG_RUNS, rows)
+
+
+RUNS = {
+    ("paper", 0): [0.1, 0.5, 1.0, 0.4, 0.9],
+    ("paper", 1): [0.8, 0.9, 0.96, 1.2, 1.3],
+    ("tuned", 0): [2.0, 1.0],
+}
+
+
+def test_peaks_and_what_became_of_them(tmp_path):
+    write_long_runs(tmp_path, "swim5", RUNS)
+    table = read_table(tmp_path / "swim5.csv")
+    assert summaries.peaks(table, "paper") == [
+        summaries.Peak(0, 1.0, 60_000, 0.4, 0.9, 100_000),
+        summaries.Peak(1, 1.3, 100_000, 1.3, 1.3, 100_000),
+    ]
+    assert summaries.peaks(table, "tuned") == [summaries.Peak(0, 2.0, 20_000, 1.0, 1.0, 40_000)]
+
+
+@pytest.mark.parametrize(
+    ("share", "trials"),
+    [(0.5, [40_000, 20_000]), (0.8, [60_000, 80_000]), (0.05, [20_000, 20_000]), (1.0, [60_000, 100_000])],
+)
+def test_trials_to_a_share_of_the_top_speed(tmp_path, share, trials):
+    write_long_runs(tmp_path, "swim5", RUNS)
+    found = summaries.trials_to(read_table(tmp_path / "swim5.csv"), "paper", share)
+    assert found.tolist() == trials
+
+
+def test_learning_times(tmp_path):
+    write_long_runs(tmp_path, "swim5", RUNS)
+    summary = summaries.learning_times("swim5", tmp_path)
+    paper, tuned, original = summary.rows
+    assert len(summary.header) == len(paper) == len(tuned) == len(original) == 7
+    assert paper[0] == "eta 0.01, 2 seeds, 0.1 million trials"
+    assert paper[1].startswith("1.15 [")
+    # 80,000 trials of 500 steps at 438,000 steps/s
+    assert paper[5] == "80k [70k, 90k], 0.03 h"
+    assert tuned[1:3] == ("2.00", "20k [20k, 20k], 0.01 h")
+    assert tuned[6] == "0.50"
+    assert original[5] == "2,500k, a week"
+
+
+def test_learning_times_of_other_swimmers_have_no_row_of_the_paper(tmp_path):
+    write_long_runs(tmp_path, "swim3", {("tuned", 0): [0.5]})
+    summary = summaries.learning_times("swim3", tmp_path)
+    assert summary.title.startswith("3 links, 30 neurons")
+    assert len(summary.rows) == 1
+
+
+def test_noise_ratios_are_divided_by_n(tmp_path):
+    def row(n, scaled, seed, output, internal):
+        return ("pendulum", n, scaled, seed, 500, output, internal, *[1.0] * (len(section_3_3.HEADER) - 7))
+
+    rows = [row(8, 1, 0, 32.0, 2.0), row(8, 1, 1, 24.0, 3.0), row(8, 0, 0, 99.0, 1.0)]
+    write_table(tmp_path / section_3_3.LOG, section_3_3.HEADER, rows)
+    (found,) = summaries.noise_ratios(tmp_path).rows
+    assert found[:4] == ("pendulum", "500", "8", "2")
+    assert found[4].startswith("1.50 [")
+
+
+def test_speeds_by_setting_are_those_of_the_end(tmp_path):
+    rows = [
+        (factor, setting, seed, seconds, 0.1, 0.25, speed + (seconds == 2000))
+        for factor, setting, speed in (("baseline", "as chosen", 0.1), ("eta", "0.16", 0.2))
+        for seed in range(3)
+        for seconds in (1000, 2000)
+    ]
+    write_table(tmp_path / what_decides.LOG, what_decides.COLUMNS, rows)
+    first, second = summaries.speeds_by_setting(tmp_path).rows
+    assert first == ("baseline", "as chosen", "3", "1.10 [1.10, 1.10]", "1.10", "0.25")
+    assert second[:2] == ("eta", "0.16")
+    assert second[4] == "1.20"
+
+
+def test_markdown():
+    summary = summaries.Summary("t", ("a", "b"), [("1", "2"), ("3", "4")])
+    assert summary.markdown() == "| a | b |\n| --- | --- |\n| 1 | 2 |\n| 3 | 4 |\n"
+
+
+@pytest.mark.parametrize("name", summaries.TABLES)
+def test_each_table_of_the_committed_logs_is_filled(name):
+    summary = summaries.TABLES[name](summaries.LOGS)
+    assert summary.rows
+    assert all(len(row) == len(summary.header) for row in summary.rows)
+    assert not any("nan" in cell for row in summary.rows for cell in row)
+    assert np.all([cell for row in summary.rows for cell in row])
