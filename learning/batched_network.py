@@ -417,6 +417,8 @@ class BatchedNetwork:
         """Raise TypeError if ``network`` cannot be compiled."""
         if not isinstance(network, Cascade | Multilayer):
             raise TypeError(f"knows Cascade and Multilayer networks, not {type(network).__name__}")
+        if isinstance(network, Cascade) and network.sigmoid != "tanh":
+            raise TypeError(f"knows neurons with sigmoid 'tanh', not {network.sigmoid!r}")
         dtype = next(network.parameters()).dtype
         if dtype not in (torch.float32, torch.float64):
             raise TypeError(f"needs float32 or float64 weights, not {dtype}")

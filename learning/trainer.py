@@ -100,6 +100,8 @@ class TrainConfig:
             raise ValueError(f"evaluate_every must be at least 1 trial, got {self.evaluate_every}")
         if self.method == "td" and self.layers is not None:
             raise ValueError(f"method 'td' learns cascades: layers must be None, got {self.layers}")
+        if self.layers is not None and self.sigmoid != "tanh":
+            raise ValueError(f"layers are of tanh units: sigmoid must be 'tanh', got {self.sigmoid!r}")
         if self.method == "value-gradient" and self.engine == "population":
             raise ValueError("engine 'population' is for method 'td'")
         if self.method == "value-gradient" and self.physics == "mujoco":

@@ -4,6 +4,8 @@ import torch
 
 from swimmer_mj import state as st
 from swimmer_mj import suite
+from swimmer_mj.cli.runs import evaluate_run
+from swimmer_mj.integrators import rk4_step
 from swimmer_mj.learning.evaluation import (
     evaluate_swimming,
     evaluation_states,
@@ -16,6 +18,7 @@ from swimmer_mj.learning.networks import Cascade
 from swimmer_mj.learning.pendulum import Pendulum
 from swimmer_mj.learning.policy import GreedyPolicy, SwimmingPolicy, observed_state
 from swimmer_mj.learning.swimming import Swimming
+from swimmer_mj.learning.trainer import TrainConfig, TrainingRun, evaluation_sample
 from swimmer_mj.parameters import SwimmerParameters
 
 THREE = SwimmerParameters(n_links=3)
@@ -125,6 +128,32 @@ def test_monte_carlo_value_agrees_with_the_compiled_rollout():
     estimate = monte_carlo_value(problem, GreedyPolicy(problem, network), states, tolerance=np.exp(-6.0))
     compiled = FusedTD(problem, network).rollout(states, 3.0).discounted_return
     assert estimate == pytest.approx(compiled, abs=2e-4)
+
+
+def test_returns_of_a_run_with_logistic_neurons_are_those_of_its_policy(tmp_path):
+    """Equation 1 as a sum over greedy RK4 steps of 0.01 s, written out here; s_gamma 25 1/s makes it 40 of them."""
+    config = TrainConfig(parameters=THREE, s_gamma=25.0, neurons=8, sigmoid="logistic", dtype="float64")
+    run = TrainingRun(tmp_path / "run", config)
+    with torch.no_grad():
+        run.network.weight.normal_(generator=torch.Generator().manual_seed(1)).mul_(run.network.connected)
+    run.save(run.evaluate(0.0))
+    result = evaluate_run(run.directory, "last", 2)
+
+    problem, policy = run.problem, GreedyPolicy(run.problem, run.network)
+    x = evaluation_sample(problem)
+    total = np.zeros(len(x))
+    for k in range(40):
+        u = policy(x)
+
+        def f(y, u=u):
+            a, B = problem.drift_and_control_matrix(y)
+            return a + np.einsum("npq,nq->np", B, u)
+
+        total += np.exp(-0.25 * k) * 0.01 * problem.reward(x)
+        x = rk4_step(f, x, 0.01)
+    assert result["mean_return"] == pytest.approx(total.mean(), rel=1e-9)
+    bias = policy.judge(evaluation_sample(problem)).value.mean() - total.mean()
+    assert result["value_bias"] == pytest.approx(bias, rel=1e-9)
 
 
 def test_mean_and_interval():

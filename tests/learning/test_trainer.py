@@ -246,6 +246,10 @@ def test_runs_together_stop_in_time(tmp_path):
         ({"neurons": 1}, "neurons must be at least 2"),
         ({"evaluate_every": 0}, "evaluate_every must be at least 1 trial, got 0"),
         (
+            {"method": "value-gradient", "layers": (8,), "sigmoid": "logistic"},
+            "layers are of tanh units: sigmoid must be 'tanh', got 'logistic'",
+        ),
+        (
             {"problem": "pendulum", "physics": "mujoco"},
             "physics 'mujoco' is for swimming, not for 'pendulum'",
         ),

@@ -254,6 +254,10 @@ def test_what_cannot_be_compiled_is_said():
         ValueGradientLearner(problem, network, ValueGradientSettings(minibatch=100), engine="compiled")
     with pytest.raises(ValueError, match="knows Swimming, not 'pendulum'; use 'torch'"):
         ValueGradientLearner(Pendulum(), multilayer(3), engine="compiled")
+    logistic = Cascade(17, 14, sigmoid="logistic")
+    with pytest.raises(ValueError, match="knows neurons with sigmoid 'tanh', not 'logistic'; use 'torch'"):
+        ValueGradientLearner(problem, logistic, engine="compiled")
+    assert ValueGradientLearner(problem, logistic).engine == "torch"
     with pytest.raises(ValueError, match="swim5 has 17 inputs, the network 3"):
         ValueGradientLearner(problem, multilayer(3))
     assert ValueGradientLearner(Pendulum(), multilayer(3), SMALL).engine == "torch"
