@@ -19,7 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 import torch
@@ -92,6 +92,10 @@ class TrainConfig:
     """Trials between evaluations."""
 
     def __post_init__(self) -> None:
+        for name, hint in get_type_hints(type(self)).items():
+            if get_origin(hint) is Literal and getattr(self, name) not in get_args(hint):
+                choices = ", ".join(map(repr, get_args(hint)))
+                raise ValueError(f"{name} must be one of {choices}; got {getattr(self, name)!r}")
         if self.seed < 0:
             raise ValueError(f"seed must not be negative, got {self.seed}")
         if self.neurons < 2:
@@ -156,7 +160,7 @@ class TrainConfig:
     def from_json(cls, values: dict[str, Any]) -> TrainConfig:
         """The configuration that :meth:`to_json` wrote."""
         fields = {key: value for key, value in values.items() if key != "version"}
-        td = fields.pop("td")
+        td = dict(fields.pop("td"))
         vario = td.pop("vario")
         layers = fields.pop("layers", None)
         gradient = fields.pop("value_gradient", {})
@@ -243,6 +247,14 @@ class TrainingRun:
         if config.device == "cuda" and not torch.cuda.is_available():
             raise ValueError("device 'cuda': torch finds no CUDA device here; learn with device 'cpu'")
         self.config = config
+        self._set_up(saved=resume and (self.directory / CHECKPOINT).exists())
+        if not exists:
+            with replacing(self.directory / CONFIG) as partial:
+                partial.write_text(json.dumps(config.to_json(), indent=2) + "\n")
+
+    def _set_up(self, saved: bool) -> None:
+        """The learner, from the checkpoint if there is one that was ``saved``, else as it begins."""
+        config = self.config
         self.problem = config.make_problem()
         self.network = config.make_network(self.problem).to(config.device)
         self.learning = make_learning(config, self.problem, self.network)
@@ -251,11 +263,12 @@ class TrainingRun:
         self.seconds = 0.0
         self.best_speed = -np.inf
         self.history: list[Metrics] = []
-        if resume and (self.directory / CHECKPOINT).exists():
+        if saved:
             self._restore()
-        elif not exists:
-            with replacing(self.directory / CONFIG) as partial:
-                partial.write_text(json.dumps(config.to_json(), indent=2) + "\n")
+
+    def forget_unsaved(self) -> None:
+        """Stand where the run was last saved, or where it began; network, learner and generator are new objects."""
+        self._set_up(saved=bool(self.history))
 
     # One evaluation period at a time -----------------------------------------------------------------------------
 
@@ -329,29 +342,41 @@ class Report(NamedTuple):
 class Pack:
     """Runs that learn in step: a single one, or up to 16 whose engine is ``"population"``.
 
-    The runs of a pack may differ in seed, rates and s_lambda. What each computes does not depend on the others.
+    The runs of a pack may differ in seed, rates and s_lambda. What each computes does not depend on the others. A run
+    that diverges leaves the pack, as it was last saved; the others go on.
     """
 
     def __init__(self, runs: Sequence[TrainingRun]) -> None:
         self.runs = list(runs)
-        learning = [run.learning for run in runs]
         if runs[0].config.engine != "population" and len(runs) > 1:
             raise ValueError(f"engine {runs[0].config.engine!r} learns one run at a time, got {len(runs)}")
-        self.population = (
-            PopulationTD([one.fused for one in learning if isinstance(one, TemporalDifferences)])
-            if runs[0].config.engine == "population"
-            else None
-        )
+        self._diverged: list[str] = []
+        self._join()
+
+    def _join(self) -> None:
+        """Have the learners of the runs that are left learn in step."""
+        learning = [run.learning for run in self.runs]
+        fused = [one.fused for one in learning if isinstance(one, TemporalDifferences)]
+        together = bool(fused) and self.runs[0].config.engine == "population"
+        self.population = PopulationTD(fused) if together else None
 
     @staticmethod
     def of(runs: Sequence[TrainingRun], workers: int) -> list[Pack]:
-        """Packs of ``runs``: as large as they may be, and at least as many as there are ``workers``."""
+        """Packs of ``runs`` that can learn in step, all of about one size: as few as keep all ``workers`` busy."""
         alike: dict[Any, list[TrainingRun]] = {}
         for run in runs:
             key = id(run) if run.config.engine != "population" else run.config.common()
             alike.setdefault(key, []).append(run)
-        size = min(LANES, -(-len(runs) // workers))
-        return [Pack(group[i : i + size]) for group in alike.values() for i in range(0, len(group), size)]
+        groups = list(alike.values())
+        counts = [-(-len(group) // LANES) for group in groups]
+        while sum(counts) < min(workers, len(runs)):
+            largest = max(range(len(groups)), key=lambda k: len(groups[k]) / counts[k])
+            counts[largest] += 1
+        return [
+            Pack(group[i * len(group) // count : (i + 1) * len(group) // count])
+            for group, count in zip(groups, counts, strict=True)
+            for i in range(count)
+        ]
 
     def advance(
         self,
@@ -369,32 +394,28 @@ class Pack:
             Trials between calls; the result does not depend on it.
         stop : callable
             Asked after each stretch. When it says True, the period is left unfinished and forgotten: the runs stand
-            where they last were saved, and None is returned.
+            where they last were saved, or at their beginning, and None is returned.
+
+        Raises
+        ------
+        FloatingPointError
+            When the period is over for the others: it names the runs that have diverged and left the pack.
         """
         started = time.perf_counter()
         left = self.runs[0].config.evaluate_every
-        while left:
+        while left and self.runs:
             count = min(stretch, left)
             before = time.perf_counter()
-            if self.population is None:
-                means = [self.runs[0].learning.learn(count, self.runs[0].trial, self.runs[0].rng)]
-            else:
-                states = [run.problem.initial_states(run.rng, count) for run in self.runs]
-                trials = self.population.train(np.stack(states, axis=1))
-                means = list(
-                    zip(trials.value.mean(axis=0), trials.squared_hamiltonian.mean(axis=0), strict=True)
-                )
+            means = self._learn(count)
             left -= count
             rate = count / (time.perf_counter() - before)
-            for run, (value, squared_hamiltonian) in zip(self.runs, means, strict=False):
-                run.trial += count
-                if not all(torch.isfinite(weight).all() for weight in run.network.parameters()):
-                    raise FloatingPointError(
-                        f"weights of {run.directory} are no longer finite after {run.trial} trials: "
-                        f"{run.learning.step_size} is too large"
-                    )
+            for run, (value, squared_hamiltonian) in means.items():
                 report(Report(run, Progress(run.trial, rate, float(value), float(squared_hamiltonian)), None))
             if left and stop():
+                for run in self.runs:
+                    run.forget_unsaved()
+                self._join()
+                self._say_what_diverged()
                 return None
         rows = []
         for run in self.runs:
@@ -402,7 +423,41 @@ class Pack:
             run.save(metrics)
             report(Report(run, None, metrics))
             rows.append(metrics)
+        self._say_what_diverged()
         return rows
+
+    def _learn(self, count: int) -> dict[TrainingRun, tuple[float, float]]:
+        """``count`` trials of each run: mean V and mean H^2 along them, of those that have not diverged."""
+        if self.population is None:
+            (run,) = self.runs
+            try:
+                means = [run.learning.learn(count, run.trial, run.rng)]
+            except FloatingPointError as error:  # value gradients see it first in their loss
+                self._drop(run, str(error))
+                return {}
+        else:
+            states = [run.problem.initial_states(run.rng, count) for run in self.runs]
+            trials = self.population.train(np.stack(states, axis=1))
+            means = zip(trials.value.mean(axis=0), trials.squared_hamiltonian.mean(axis=0), strict=True)
+        of_run = dict(zip(self.runs, means, strict=True))
+        for run in of_run:
+            run.trial += count
+            if not all(torch.isfinite(weight).all() for weight in run.network.parameters()):
+                too_large = f"{run.learning.step_size} is too large"
+                self._drop(run, f"weights are no longer finite after {run.trial} trials: {too_large}")
+        return {run: mean for run, mean in of_run.items() if run in self.runs}
+
+    def _drop(self, run: TrainingRun, why: str) -> None:
+        """Leave ``run`` as it was last saved, and go on without it."""
+        self._diverged.append(f"{run.directory}: {why}")
+        run.forget_unsaved()
+        self.runs.remove(run)
+        self._join()
+
+    def _say_what_diverged(self) -> None:
+        news, self._diverged = self._diverged, []
+        if news:
+            raise FloatingPointError("; ".join(news))
 
 
 def train_together(
@@ -423,31 +478,40 @@ def train_together(
     trials : int, optional
         Each run stops at the first evaluation with at least this many trials.
     seconds : float, optional
-        Wall-clock time after which all runs stop. What a run learned since its last evaluation is dropped, so that it
-        stays reproducible.
+        Wall-clock time after which all runs stop. What a run learned since its last evaluation is dropped, in memory
+        as on disk, so that it stays reproducible.
     enough : callable
         As soon as it is true of one run after an evaluation, all runs stop.
     report : callable
         Called with news, from the threads of the runs.
     workers : int, optional
         Runs at a time; as many as there are cores by default.
+
+    Raises
+    ------
+    FloatingPointError
+        When all others are done: it names the runs that have diverged, which stand where they last were saved.
     """
     deadline = np.inf if seconds is None else time.monotonic() + seconds
     finished = threading.Event()
+    diverged: list[str] = []
 
     def over() -> bool:
         return finished.is_set() or time.monotonic() > deadline
 
     def work(pack: Pack) -> None:
         try:
-            while not over():
+            while pack.runs and not over():
                 unfinished = [run for run in pack.runs if trials is None or run.trial < trials]
                 if not unfinished:
                     return
                 if len(unfinished) < len(pack.runs):
                     pack = Pack(unfinished)
-                if pack.advance(report, stop=over) is None:
-                    return
+                try:
+                    if pack.advance(report, stop=over) is None:
+                        return
+                except FloatingPointError as error:
+                    diverged.append(str(error))
                 if any(enough(run) for run in pack.runs):
                     finished.set()
         except BaseException:
@@ -463,6 +527,8 @@ def train_together(
         except BaseException:
             finished.set()
             raise
+    if diverged:
+        raise FloatingPointError("; ".join(diverged))
 
 
 def read_config(directory: str | os.PathLike[str]) -> TrainConfig:

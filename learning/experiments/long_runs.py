@@ -96,7 +96,9 @@ def run(
             report(f"{where}: trial {row.trial:,}, <V> {row.mean_value:.3f} m, speed {row.speed:.3f} m/s")
 
     runs = directory / "runs"
-    train_together(
-        open_runs(name, runs), trials=SWIMMERS[name].trials, seconds=seconds, report=news, workers=1
-    )
-    collect(name, runs, directory / f"{name}.csv")
+    opened = open_runs(name, runs)
+    try:
+        train_together(opened, trials=SWIMMERS[name].trials, seconds=seconds, report=news, workers=1)
+    finally:  # a run that diverged or an interruption leaves what the others have learned
+        if any(run.history for run in opened):
+            collect(name, runs, directory / f"{name}.csv")

@@ -10,6 +10,7 @@ from swimmer_mj.learning.checkpoint import load_checkpoint
 from swimmer_mj.learning.continuous_td import TDSettings
 from swimmer_mj.learning.trainer import (
     Metrics,
+    Pack,
     TrainConfig,
     TrainingRun,
     load_policy,
@@ -117,6 +118,8 @@ def test_a_configuration_survives_its_file(tmp_path):
     )
     run = TrainingRun(tmp_path / "run", config)
     assert read_config(run.directory) == config
+    values = config.to_json()
+    assert TrainConfig.from_json(values) == TrainConfig.from_json(values) == config  # not changed by reading it
     assert json.loads((run.directory / "config.json").read_text())["parameters"]["mass"] == [1, 2, 3, 4]
 
 
@@ -144,6 +147,45 @@ def test_says_when_learning_diverges(tmp_path):
     run = TrainingRun(tmp_path / "run", config)
     with pytest.raises(FloatingPointError, match=r"no longer finite after \d+ trials: eta 1000000.0 is too"):
         train_together([run], trials=400)
+
+
+def test_runs_that_diverge_do_not_stop_the_others(tmp_path):
+    """In a pack: both are named at the end, stand where they were saved, and the others compute their own bits."""
+
+    def make(name, eta, seed):
+        td = dataclasses.replace(SMALL.td, eta=eta)
+        config = dataclasses.replace(SMALL, engine="population", td=td, seed=seed)
+        return TrainingRun(tmp_path / name, config)
+
+    good, worse, better, worst = (
+        make(name, eta, seed)
+        for seed, (name, eta) in enumerate([("good", 0.04), ("worse", 1e6), ("better", 0.02), ("worst", 1e9)])
+    )
+    better.advance()
+    with pytest.raises(FloatingPointError, match=r"worse: weights are no .*; .*worst: weights are no longer"):
+        train_together([good, worse, better, worst], trials=60, workers=1)
+    assert [run.trial for run in (good, worse, better, worst)] == [60, 0, 60, 0]
+    assert all(torch.isfinite(run.network.weight).all() for run in (worse, worst))
+    assert worse.history == []
+    for run in (good, better):
+        alone = make(f"{run.directory.name}-alone", run.config.td.eta, run.config.seed)
+        train_together([alone], trials=60)
+        assert torch.equal(tensors_of(alone)["weight"], tensors_of(run)["weight"])
+        assert rows_of(alone) == rows_of(run)
+
+
+def test_value_gradients_that_diverge_are_named(tmp_path):
+    def make(name, **changes):
+        settings = ValueGradientSettings(trajectories=32, steps=5, minibatch=32, dt=0.05, **changes)
+        config = TrainConfig(
+            method="value-gradient", problem="pendulum", value_gradient=settings, layers=(8,), evaluate_every=2
+        )
+        return TrainingRun(tmp_path / name, config)
+
+    good, bad = make("good"), make("bad", learning_rate=1e30)
+    with pytest.raises(FloatingPointError, match=r"bad: the loss is no longer finite in round \d+: learning_rate"):
+        train_together([bad, good], trials=4, workers=1)
+    assert (good.trial, bad.trial, bad.history) == (4, 0, [])
 
 
 def test_both_engines_run_the_same_run(tmp_path):
@@ -235,8 +277,50 @@ def test_runs_together_stop_when_one_is_good_enough(tmp_path):
 
 def test_runs_together_stop_in_time(tmp_path):
     run = TrainingRun(tmp_path / "run", dataclasses.replace(SMALL, evaluate_every=10**9))
+    first = run.network.weight.detach().clone()
     train_together([run], seconds=0.2)
     assert run.history == []
+    assert run.trial == 0
+    assert torch.equal(run.network.weight, first)
+
+
+@pytest.mark.parametrize("engine", ["fused", "population"])
+def test_a_run_that_is_stopped_stands_where_it_was_saved(tmp_path, engine):
+    run = TrainingRun(tmp_path / "run", dataclasses.replace(SMALL, engine=engine))
+    run.advance()
+    assert run.advance(stretch=3, stop=lambda: True) is None
+    assert run.trial == run.history[-1].trial == 20
+    assert torch.equal(run.network.weight, tensors_of(run)["weight"])
+    whole = TrainingRun(tmp_path / "whole", run.config)
+    for one in (whole, whole, run):
+        one.advance()
+    assert rows_of(run) == rows_of(whole)
+
+
+@pytest.mark.parametrize(
+    ("groups", "workers", "sizes"),
+    [
+        ([5], 4, [1, 1, 1, 2]),
+        ([8], 2, [4, 4]),
+        ([17], 1, [8, 9]),
+        ([2], 4, [1, 1]),
+        ([16, 16], 1, [16, 16]),
+        ([6, 1], 3, [1, 3, 3]),
+    ],
+)
+def test_packs_are_balanced_and_as_many_as_there_are_workers(tmp_path, groups, workers, sizes):
+    """Runs of one group may learn in step, those of several may not."""
+    runs = [
+        TrainingRun(
+            tmp_path / f"{group}-{seed}",
+            dataclasses.replace(SMALL, engine="population", seed=seed, neurons=4 + group),
+        )
+        for group, count in enumerate(groups)
+        for seed in range(count)
+    ]
+    packs = Pack.of(runs, workers)
+    assert sorted(len(pack.runs) for pack in packs) == sizes
+    assert [run for pack in packs for run in pack.runs] == runs
 
 
 @pytest.mark.parametrize(
@@ -244,6 +328,12 @@ def test_runs_together_stop_in_time(tmp_path):
     [
         ({"seed": -1}, "seed must not be negative, got -1"),
         ({"neurons": 1}, "neurons must be at least 2"),
+        (
+            {"method": "value_gradient"},
+            "^method must be one of 'td', 'value-gradient'; got 'value_gradient'$",
+        ),
+        ({"problem": "Swim"}, "problem must be one of 'swim', 'pendulum'; got 'Swim'"),
+        ({"initial_law": "slow"}, "initial_law must be one of .*'straight'; got 'slow'"),
         ({"evaluate_every": 0}, "evaluate_every must be at least 1 trial, got 0"),
         (
             {"method": "value-gradient", "layers": (8,), "sigmoid": "logistic"},
