@@ -26,8 +26,9 @@ FAST = 1.5
 
 
 def _seeds(table: Table) -> list[Table]:
-    """The rows of each seed."""
-    return [rows_where(table, seed=float(seed)) for seed in np.unique(table["seed"])]
+    """The rows of each seed. A learner that has diverged, whose speeds are nan, counts as one that lies still."""
+    still = {**table, "speed": np.nan_to_num(table["speed"], nan=0.0)}
+    return [rows_where(still, seed=float(seed)) for seed in np.unique(table["seed"])]
 
 
 def _interval(axes: Axes, values: Array, y: float, color: str) -> None:
@@ -132,7 +133,8 @@ def draw_lasting(logs: Logs = LOGS) -> Figure:
         peak = int(np.argmax(v))
         speed.plot(at, v, color=color, linestyle=style, linewidth=0.9, label=f"seed {one['seed'][0]:.0f}")
         speed.plot(at[peak], v[peak], "o", color=color, markersize=4.5)
-        share.plot(at, v / np.maximum.accumulate(v), color=color, linestyle=style, linewidth=0.9)
+        best = np.maximum.accumulate(v)
+        share.plot(at, v / np.where(best > 0, best, 1.0), color=color, linestyle=style, linewidth=0.9)
     share.axhline(0.95, color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
     share.set_ylim(top=1.01)
     share.set_ylabel("share of the best so far")

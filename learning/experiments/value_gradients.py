@@ -7,8 +7,8 @@ Three studies of :mod:`swimmer_mj.learning.value_gradient`, ten seeds each:
 - ``lasting``: the chosen settings with 5 links, ten times as long as it takes to learn.
 
 A learner is a row of the log at each look at it: the swimming speed (docs/metrics.md) of the averaged weights and of
-the last ones, on the compiled model. A learner that is done is not computed again: what is there of a log is kept, so
-that an interrupted study goes on where it was.
+the last ones, on the compiled model; a learner that diverges has nan from then on. A learner that is done is not
+computed again: what is there of a log is kept, so that an interrupted study goes on where it was.
 """
 
 from __future__ import annotations
@@ -113,6 +113,16 @@ def count_weights(network: ValueNetwork) -> int:
     return sum(w.numel() for w in network.parameters())
 
 
+def _reach(learner: ValueGradientLearner, steps: int) -> bool:
+    """Learn until so many steps are simulated; False if the learner has diverged."""
+    try:
+        while learner.simulation_steps < steps:
+            learner.step()
+    except FloatingPointError:
+        return False
+    return True
+
+
 def learn(one: Variant, seed: int, looks: Sequence[int], threads: int | None = None) -> list[Row]:
     """Learn, and look at the learner when it has simulated so many steps of 0.01 s; rows of :data:`COLUMNS`."""
     if threads is not None:
@@ -121,30 +131,28 @@ def learn(one: Variant, seed: int, looks: Sequence[int], threads: int | None = N
     problem = config.make_problem()
     network = config.make_network(problem)
     n_weights = count_weights(network)
-    ValueGradientLearner(
-        problem, copy.deepcopy(network), config.value_gradient
-    ).step()  # compiled before it is timed
+    _reach(ValueGradientLearner(problem, copy.deepcopy(network), config.value_gradient), 1)  # compiled, not timed
     learner = ValueGradientLearner(problem, network, config.value_gradient, seed=seed)
     states = evaluation_states(config.parameters.n_links)
     rows: list[Row] = []
-    seconds = 0.0
+    seconds, sound = 0.0, True
     for look in looks:
         started = time.process_time()
-        while learner.simulation_steps < look:
-            learner.step()
+        sound = sound and _reach(learner, look)
         seconds += time.process_time() - started
         speed, last = (
             float(learner.rollout(states, EPISODE_DURATION, skip=SETTLING_TIME, averaged=averaged).mean())
+            if sound
+            else math.nan
             for averaged in (True, False)
         )
-        rows.append(
-            (one.factor, one.setting, seed, n_weights, learner.simulation_steps, seconds, speed, last)
-        )
+        steps = learner.simulation_steps if sound else look
+        rows.append((one.factor, one.setting, seed, n_weights, steps, seconds, speed, last))
     return rows
 
 
-def _kept(log: Path, last_look: int) -> dict[tuple[str, str, int], list[Row]]:
-    """The learners of a log that were learned to the end, with their rows."""
+def _logged(log: Path) -> dict[tuple[str, str, int], list[Row]]:
+    """The learners of a log, with their rows."""
     if not log.exists():
         return {}
     table = read_table(log)
@@ -152,7 +160,7 @@ def _kept(log: Path, last_look: int) -> dict[tuple[str, str, int], list[Row]]:
     learners: dict[tuple[str, str, int], list[Row]] = {}
     for row in rows:
         learners.setdefault((str(row[0]), _text(row[1]), int(row[2])), []).append(row)
-    return {key: rows for key, rows in learners.items() if float(rows[-1][4]) >= last_look}
+    return learners
 
 
 def _text(cell: str | float) -> str:
@@ -168,23 +176,32 @@ def run_study(
     report: Callable[[str], None],
     workers: int | None = None,
 ) -> None:
-    """Learn with every variant and seed that ``log`` does not have, on all cores, and write it as they are done."""
-    learners = _kept(log, looks[-1])
+    """Learn with every variant and seed that ``log`` does not have, on all cores, and write it as they are done.
+
+    Others that are in the log stay there, after those asked for; what there is of an interrupted learner stays until it
+    is learned anew.
+    """
+    learners = _logged(log)
+    finished = {key for key, rows in learners.items() if float(rows[-1][4]) >= looks[-1]}
     order = [(one.factor, one.setting, seed) for seed in seeds for one in variants]
     todo = [
-        (one, seed) for seed in seeds for one in variants if (one.factor, one.setting, seed) not in learners
+        (one, seed) for seed in seeds for one in variants if (one.factor, one.setting, seed) not in finished
     ]
 
     def write() -> None:
         rows: Iterator[Row] = (
-            (row[0], _text(row[1]), *row[2:]) for key in order for row in learners.get(key, [])
+            (row[0], _text(row[1]), *row[2:])
+            for key in dict.fromkeys([*order, *learners])
+            for row in learners.get(key, [])
         )
         write_table(log, COLUMNS, rows)
 
     for one, seed, rows in _learned(todo, looks, workers or os.cpu_count() or 1):
         learners[one.factor, one.setting, seed] = rows
         write()
-        report(f"{one.label}, seed {seed}: {rows[-1][6]:.2f} m/s after {rows[-1][5]:.0f} s")
+        *_, seconds, speed, _ = rows[-1]
+        came_to = "diverged" if math.isnan(float(speed)) else f"{speed:.2f} m/s"
+        report(f"{one.label}, seed {seed}: {came_to} after {seconds:.0f} s")
     write()
 
 

@@ -42,6 +42,32 @@ def test_a_study_goes_on_where_it_was(tmp_path):
         np.testing.assert_allclose(again[name], both[name], rtol=1e-5)  # of six digits in the log
 
 
+def test_a_study_of_fewer_keeps_what_is_logged_of_others(tmp_path):
+    log = tmp_path / "log.csv"
+    other = ("lookahead", "3", 7, 1.0, 256, 1.5, 0.25, 0.125)
+    interrupted = ("batch", "tiny", 1, 1.0, 256, 1.5, 0.25, 0.125)
+    done = ("batch", "tiny", 0, 1.0, 512, 1.5, 0.5, 0.375)
+    write_table(log, studies.COLUMNS, [other, interrupted, done])
+    studies.run_study(log, [TINY], LOOKS, [0], pytest.fail, workers=1)
+    table = read_table(log)
+    rows = list(zip(*(table[name].tolist() for name in studies.COLUMNS), strict=True))
+    assert rows == [done, other, interrupted]  # those asked for come first
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_learner_that_diverges_has_rows_of_nan_and_the_others_go_on(tmp_path, workers):
+    wild = studies.variant("learning rate", "wild", learning_rate=1e30, trajectories=32, steps=4, minibatch=32,
+                           layers=(8, 8))  # fmt: skip
+    log, news = tmp_path / "log.csv", []
+    studies.run_study(log, [wild, TINY], LOOKS, [0], news.append, workers=workers)
+    table = read_table(log)
+    assert table["factor"].tolist() == ["learning rate"] * 2 + ["batch"] * 2
+    assert table["simulation_steps"].tolist() == [*LOOKS, *LOOKS]
+    assert np.isnan(table["speed"]).tolist() == np.isnan(table["speed_last"]).tolist() == [True] * 2 + [False] * 2
+    assert any(line.startswith("learning rate: wild, seed 0: diverged after") for line in news)
+    studies.run_study(log, [wild, TINY], LOOKS, [0], pytest.fail, workers=1)  # it is done
+
+
 def test_each_variant_differs_from_the_chosen_settings_and_from_the_others():
     chosen, *others = studies.ABLATIONS
     assert chosen.config == value_gradient_config()

@@ -36,6 +36,28 @@ def test_ablation_shows_speed_and_time_of_each_setting(tmp_path, check_whole):
     check_whole(figure)
 
 
+def test_a_learner_that_diverged_never_reached_anything(tmp_path, check_whole):
+    """It counts as one that lies still from then on."""
+    nan = float("nan")
+    setting, speeds = [("as chosen", "")], [[[1.6, 2.0, 2.1], [1.4, nan, nan], [nan, nan, nan]]]
+    write_log(tmp_path / studies.ABLATION_LOG, setting, speeds)
+    figure = draw_ablation(tmp_path)
+    speed, time = figure.axes
+    (mean,) = (line.get_xdata()[0] for line in speed.lines if line.get_marker() == "o")
+    assert mean == pytest.approx(0.7)
+    assert [text.get_text() for text in time.texts] == ["1 of 3"]
+    write_log(tmp_path / studies.LINKS_LOG, [("links", "3")], speeds)
+    curves, best = draw_links(tmp_path).axes
+    (median,) = (line for line in curves.lines if not line.get_label().startswith("_"))
+    assert median.get_ydata() == pytest.approx([1.4, 0.0, 0.0])
+    (mean,) = (line.get_ydata()[0] for line in best.lines if line.get_marker() == "o")
+    assert mean == pytest.approx(3.5 / 3)
+    write_log(tmp_path / studies.LASTING_LOG, setting, speeds)
+    _, share = draw_lasting(tmp_path).axes
+    assert share.lines[1].get_ydata() == pytest.approx([1, 0, 0])
+    assert share.lines[2].get_ydata() == pytest.approx([0, 0, 0])
+
+
 def test_links_shows_the_best_of_each_seed(tmp_path, check_whole):
     settings = [("links", "3"), ("links", "10")]
     write_log(tmp_path / studies.LINKS_LOG, settings, [[[0.5, 0.9], [0.7, 0.6]], [[1.0, 3.0], [1.0, 2.0]]])
