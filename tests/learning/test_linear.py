@@ -84,8 +84,9 @@ def test_slope_of_tiles_is_that_of_the_average_of_V(width):
 
             step = 0.02 * h[i] * np.eye(2)[i]
             difference = (average(x + step) - average(x - step)) / (0.04 * h[i])
-            scale = np.abs(learner.weight).max() / h[i]
-            assert slope[i] == pytest.approx(difference, abs=0.15 * scale)
+            assert slope[i] == pytest.approx(difference, abs=0.002 / h[i])
+            ends = [learner.value(x + sign * h[i] * np.eye(2)[i]) for sign in (1, -1)]
+            assert slope[i] == pytest.approx((ends[0] - ends[1]) / (2 * h[i]), rel=1e-12, abs=1e-12)
 
 
 def test_each_tiling_has_one_hit_tile_and_all_states_of_a_box_share_it():
