@@ -39,6 +39,17 @@ def cart_pole(
 
     The reward rate is cos(theta) - (x / 2.4 m)^2: upright and in the middle it is 1.
     """
+    given = {
+        "cart_mass": cart_mass,
+        "pole_mass": pole_mass,
+        "half_length": half_length,
+        "force_limit": force_limit,
+    }
+    for name, value in given.items():
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"{name} must be positive and finite, got {value!r}")
+    if not (math.isfinite(gravity) and gravity >= 0):
+        raise ValueError(f"gravity must be finite and not negative, got {gravity!r}")
     M, m, l, g = cart_mass, pole_mass, half_length, gravity
     total = M + m
 

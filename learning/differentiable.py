@@ -16,9 +16,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.integrators import euler_step
 from swimmer_mj.learning.pendulum import Pendulum
-from swimmer_mj.learning.problem import ControlProblem
+from swimmer_mj.learning.problem import ControlProblem, step_by_euler
 from swimmer_mj.learning.swimming import Swimming
 from swimmer_mj.parameters import SwimmerParameters
 from swimmer_mj.reduced import reduced_constants
@@ -51,18 +50,22 @@ class DifferentiableProblem:
     limits: tuple[float, ...]
     """U, one per control."""
     draw: Callable[[np.random.Generator, int], Array]
-    """The law of initial states: (generator, count) -> (count, p)."""
+    """The law of initial states: (generator, count) -> (count, p). p is read from it."""
     s_gamma: float = 1.0
     """Shortness factor, 1/s."""
     encode: Field = field(default=_itself)
-    """Network inputs of a state, (N, p) -> (N, m), differentiable: for instance cos and sin in place of an angle."""
+    """Network inputs of a state, (N, p) -> (N, m), differentiable: for instance cos and sin in place of an angle. V does
+    not depend on a state variable that is left out; its slope is 0 and is not learned."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.s_gamma) and self.s_gamma > 0):
             raise ValueError(f"s_gamma must be positive and finite, got {self.s_gamma!r}")
         if not self.limits or not all(math.isfinite(U) and U > 0 for U in self.limits):
             raise ValueError(f"limits must be positive and finite, one per control; got {self.limits!r}")
-        p, q = self.state_size, len(self.limits)
+        drawn = np.shape(self.draw(np.random.default_rng(0), 3))
+        if len(drawn) != 2 or drawn[0] != 3:
+            raise ValueError(f"draw must return shape (count, p), got {drawn} for a count of 3")
+        p, q = drawn[1], len(self.limits)
         x = self._sample.expand(3, p)  # three states: a batch that no other size equals by chance
         for name, value, shape in (
             ("drift", self.drift(x), (3, p)),
@@ -75,6 +78,9 @@ class DifferentiableProblem:
                 )
             if not bool(torch.isfinite(value).all()):
                 raise ValueError(f"{name} is not finite at {self._sample[0].tolist()}")
+        z = self.encode(x)
+        if z.ndim != 2 or len(z) != 3:
+            raise ValueError(f"encode must return shape (3, m) for states (3, {p}), got {tuple(z.shape)}")
 
     @cached_property
     def _sample(self) -> Tensor:
@@ -112,20 +118,16 @@ class DifferentiableProblem:
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """x(t + dt) by Euler's method, u held."""
-
-        def f(y: Array) -> Array:
-            a, B = self.drift_and_control_matrix(y)
-            return a + (B @ u[..., None])[..., 0]
-
-        return euler_step(f, x, dt)
+        return step_by_euler(self, x, u, dt)
 
     def initial_states(self, rng: np.random.Generator, count: int) -> Array:
         """``count`` draws from the law of initial states, shape (count, p)."""
-        return self.draw(rng, count)
+        return np.asarray(self.draw(rng, count), dtype=np.float64)
 
     def inputs(self, x: Tensor) -> Tensor:
         """The network's inputs, shape (..., m)."""
-        return self.encode(x)
+        z = self.encode(x.reshape(-1, x.shape[-1]))
+        return z.reshape(*x.shape[:-1], z.shape[-1])
 
     def compile(self) -> None:
         """There is no compiled form."""

@@ -16,8 +16,7 @@ import torch
 from numba import njit
 from numpy.typing import NDArray
 
-from swimmer_mj.integrators import euler_step
-from swimmer_mj.learning.problem import CompiledProblem
+from swimmer_mj.learning.problem import CompiledProblem, step_by_euler
 
 __all__ = ["Pendulum"]
 
@@ -43,6 +42,16 @@ class Pendulum:
     damping: float = 0.01
     torque_limit: float = 5.0
     s_gamma: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "length", "torque_limit", "s_gamma"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be positive and finite, got {value!r}")
+        for name in ("gravity", "damping"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} must be finite and not negative, got {value!r}")
 
     name = "pendulum"
     state_size = 2
@@ -73,12 +82,7 @@ class Pendulum:
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """x(t + dt) by Euler's method, u held."""
-
-        def f(y: Array) -> Array:
-            a, B = self.drift_and_control_matrix(y)
-            return a + (B @ u[..., None])[..., 0]
-
-        return euler_step(f, x, dt)
+        return step_by_euler(self, x, u, dt)
 
     def initial_states(self, rng: np.random.Generator, count: int) -> Array:
         """Angles all around, angular velocities in [-5, 5] rad/s; shape (count, 2)."""

@@ -14,7 +14,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-__all__ = ["CompiledProblem", "ControlProblem"]
+from swimmer_mj.integrators import euler_step
+
+__all__ = ["CompiledProblem", "ControlProblem", "step_by_euler"]
 
 Array = NDArray[np.float64]
 
@@ -89,3 +91,13 @@ class ControlProblem(Protocol):
     def compile(self) -> CompiledProblem | None:
         """The problem for the fused kernel; None where only the torch reference can learn it."""
         ...
+
+
+def step_by_euler(problem: ControlProblem, x: Array, u: Array, dt: float) -> Array:
+    """x(t + dt) = x + dt (a(x) + B(x) u), shape (..., p), with u (..., q) held: the integrator of section 4."""
+
+    def f(y: Array) -> Array:
+        a, B = problem.drift_and_control_matrix(y)
+        return a + (B @ u[..., None])[..., 0]
+
+    return euler_step(f, x, dt)

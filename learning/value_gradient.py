@@ -34,6 +34,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from swimmer_mj.integrators import rk4_step
 from swimmer_mj.learning import batched_swimmer
 from swimmer_mj.learning.batched_network import BLOCK, BatchedNetwork, Encoding
 from swimmer_mj.learning.differentiable import (
@@ -269,10 +270,11 @@ class _Engine(Protocol):
 
 
 def _slope_weights(problem: ControlProblem, w: float) -> Tensor:
-    """w S_i^2, shape (p,): S_i = 1 / |dz/dx_i|, over a fixed sample of initial states."""
+    """w S_i^2, shape (p,): S_i = 1 / |dz/dx_i|, over a fixed sample of initial states; 0 where z has no part of x_i."""
     sample = torch.from_numpy(problem.initial_states(np.random.default_rng(0), 256)).double()
     jacobian = torch.func.vmap(torch.func.jacrev(problem.inputs))(sample)
-    return w / jacobian.square().sum(dim=1).mean(dim=0)
+    squared = jacobian.square().sum(dim=1).mean(dim=0)
+    return torch.where(squared > 0, w / squared, 0.0)
 
 
 class _TorchEngine:
@@ -370,11 +372,7 @@ class _TorchEngine:
                 return problem.drift(y) + torch.einsum("npq,nq->np", problem.control_matrix(y), u)
 
             total += share * problem.reward_rate(state)
-            k1 = f(state)
-            k2 = f(state + dt / 2 * k1)
-            k3 = f(state + dt / 2 * k2)
-            k4 = f(state + dt * k3)
-            state = state + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            state = rk4_step(f, state, dt)
         return total.cpu().numpy()
 
 

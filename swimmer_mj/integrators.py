@@ -1,15 +1,13 @@
-"""One step of dx/dt = f(x) with a fixed step size."""
+"""One step of dx/dt = f(x) with a fixed step size; x is an array, of NumPy or of torch."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, TypeVar
 
 __all__ = ["euler_step", "rk4_step"]
 
-Array = NDArray[np.float64]
+Array = TypeVar("Array", bound=Any)
 
 
 def euler_step(f: Callable[[Array], Array], x: Array, dt: float) -> Array:

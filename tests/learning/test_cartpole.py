@@ -1,6 +1,7 @@
 """The cart-pole's equations conserve what they must, and it is learned."""
 
 import numpy as np
+import pytest
 import torch
 
 from swimmer_mj.learning.cartpole import cart_pole
@@ -42,3 +43,17 @@ def test_swings_up_and_stays_on_the_track():
         learner.step()
     hanging = np.tile([0.0, 0.0, np.pi, 0.0], (8, 1)) + np.random.default_rng(0).normal(size=(8, 4)) * 0.05
     assert learner.rollout(hanging, 16.0, skip=12.0, dt=0.04).min() > 0.85
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"half_length": 0.0}, "half_length must be positive and finite, got 0.0"),
+        ({"pole_mass": -0.1}, "pole_mass must be positive and finite, got -0.1"),
+        ({"gravity": float("inf")}, "gravity must be finite and not negative, got inf"),
+        ({"s_gamma": 0.0}, "s_gamma must be positive and finite, got 0.0"),
+    ],
+)
+def test_refuses(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        cart_pole(**arguments)

@@ -78,3 +78,19 @@ def test_learns_to_swing_up_and_hold(seed):
         if learner.rollout(starts, 20.0, skip=10.0).reward.min() > 0.95:
             return
     pytest.fail("did not learn in 20,000 trials")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"mass": 0.0}, "mass must be positive and finite, got 0.0"),
+        ({"length": float("nan")}, "length must be positive and finite, got nan"),
+        ({"torque_limit": -5.0}, "torque_limit must be positive and finite, got -5.0"),
+        ({"s_gamma": 0.0}, "s_gamma must be positive and finite, got 0.0"),
+        ({"damping": -0.01}, "damping must be finite and not negative, got -0.01"),
+        ({"gravity": float("inf")}, "gravity must be finite and not negative, got inf"),
+    ],
+)
+def test_refuses(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Pendulum(**arguments)

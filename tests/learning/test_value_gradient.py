@@ -173,35 +173,111 @@ def test_learns_the_value_of_a_linear_quadratic_problem(value_weight, slope_weig
     assert ((learned + learned.T) / 2 - P).abs().max() < tolerance
 
 
-def test_learns_a_bang_bang_problem_that_has_a_closed_form():
-    """dx/dt = u, |u| <= 1, r = -x^2: run to 0, stay. In steps of dt: V = -sum_k e^{-s k dt} max(|x| - k dt, 0)^2 dt."""
-    s = 1.0
-    problem = DifferentiableProblem(
+def run_to_the_middle(dt=0.02, s_gamma=1.0):
+    """dx/dt = u, |u| <= 1, r = -x^2: run to 0, stay. In steps of dt, V is that of :class:`Run` with a = 1."""
+    return DifferentiableProblem(
         "run to the middle",
         drift=lambda x: 0 * x,
         control_matrix=lambda x: torch.ones_like(x)[..., None],
         reward_rate=lambda x: -(x[..., 0] ** 2),
         limits=(1.0,),
         draw=lambda rng, count: rng.uniform(-2, 2, (count, 1)),
-        s_gamma=s,
+        s_gamma=s_gamma,
     )
-    network = multilayer(1, (20, 20), output=0.0)
-    settings = ValueGradientSettings(
-        trajectories=64, steps=10, dt=0.02, trial_duration=1.0, minibatch=160, half_life=40.0, learning_rate=1e-2,
-        final_rate=1e-4,
-    )  # fmt: skip
-    learner = ValueGradientLearner(problem, network, settings)
-    for _ in range(100):
+
+
+class Run(ValueNetwork):
+    """V = -a sum_k e^{-k dt} max(|x| - k dt, 0)^2 dt for |x| <= 2, dt = 0.02."""
+
+    n_inputs = 1
+
+    def __init__(self, a):
+        super().__init__()
+        self.a = nn.Parameter(torch.tensor(a, dtype=torch.float64))
+
+    def forward(self, z):
+        k = torch.arange(101, dtype=torch.float64)
+        return -self.a * (torch.exp(-k * 0.02) * 0.02 * (z.abs() - 0.02 * k).clamp(min=0) ** 2).sum(-1)
+
+
+@pytest.mark.parametrize("s_lambda", [0.0, 1.0, 30.0, math.inf])
+def test_the_true_value_of_a_bang_bang_problem_is_its_own_target(s_lambda):
+    """From where ten greedy steps do not come to the middle, where V bends."""
+    problem, dt = run_to_the_middle(), 0.02
+    x = torch.linspace(0.25, 1.9, 34, dtype=torch.float64)[:, None]
+    states, controls = [torch.cat([-x, x])], []
+    for _ in range(10):
+        _, dVdx = value_and_slope(Run(1.0), problem, states[-1])
+        controls.append(torch.sign(dVdx))
+        states.append(transition(problem, states[-1], controls[-1], dt))
+    assert (states[-1].abs() < states[0].abs() - 0.19).all()
+    found = targets_along(problem, Run(1.0), states, controls, s_lambda, dt)
+    V, dVdx = value_and_slope(Run(1.0), problem, torch.stack(states[:-1]))
+    assert torch.allclose(found.value, V, rtol=0, atol=1e-13)
+    assert torch.allclose(found.gradient, dVdx, rtol=0, atol=1e-13)
+
+
+BANG_BANG = ValueGradientSettings(
+    trajectories=64, steps=10, dt=0.02, trial_duration=1.0, minibatch=160, half_life=6.0, learning_rate=0.1,
+    final_rate=1e-6, clip=100.0,
+)  # fmt: skip
+
+
+def test_learns_the_value_of_a_bang_bang_problem():
+    learner = ValueGradientLearner(run_to_the_middle(), Run(0.3), BANG_BANG)
+    for _ in range(60):
         learner.step()
-    x = torch.linspace(-1.8, 1.8, 37, dtype=torch.float64)[:, None]
-    V, dVdx = value_and_slope(learner.averaged_network(), problem, x)
-    k = torch.arange(100)
-    left = (x.abs() - k * settings.dt).clamp(min=0)
-    weight = torch.exp(-s * k * settings.dt) * settings.dt
-    expected = -(weight * left**2).sum(1)
-    slope = -torch.sign(x[:, 0]) * (2 * weight * left).sum(1)
-    assert (V - expected).abs().max() < 0.08  # V spans 1.4
-    assert (dVdx[:, 0] - slope).abs().max() < 0.15  # dV/dx spans 3.9
+    assert learner.network.a.item() == pytest.approx(1.0, abs=1e-3)
+
+
+def test_finds_the_policy_of_a_bang_bang_problem():
+    network = multilayer(1, (20, 20), output=0.0)
+    settings = dataclasses.replace(BANG_BANG, half_life=40.0, learning_rate=1e-2, final_rate=1e-4, clip=1.0)
+    learner = ValueGradientLearner(run_to_the_middle(), network, settings)
+    for _ in range(40):
+        learner.step()
+    x = np.linspace(0.2, 1.9, 35)[:, None]
+    np.testing.assert_array_equal(learner.control(np.concatenate([-x, x])), np.repeat([1.0, -1.0], 35)[:, None])
+
+
+def test_a_problem_may_leave_state_variables_out_and_be_written_for_batches_only():
+    """x' = u, r = -x^2 and a clock that nothing depends on: the same is learned as without the clock."""
+    plain = run_to_the_middle()
+    clocked = DifferentiableProblem(
+        "with a clock",
+        drift=lambda x: torch.stack([0 * x[:, 0], torch.ones_like(x[:, 0])], dim=1),
+        control_matrix=lambda x: x.new_tensor([[1.0], [0.0]]).expand(len(x), 2, 1),
+        reward_rate=lambda x: -(x[:, 0] ** 2),
+        limits=(1.0,),
+        draw=lambda rng, count: np.hstack([plain.draw(rng, count), np.zeros((count, 1))]),
+        encode=lambda x: x[:, :1],
+    )
+    assert clocked.n_inputs == 1
+    assert clocked.inputs(torch.tensor([0.5, 2.0])).tolist() == [0.5]
+    learners = [
+        ValueGradientLearner(problem, multilayer(1, (8,)), BANG_BANG) for problem in (plain, clocked)
+    ]
+    assert learners[1]._engine.slope_weights.tolist() == [1.0, 0.0]
+    for _ in range(3):
+        expected, found = (learner.step() for learner in learners)
+        assert found == pytest.approx(expected, rel=1e-12)
+    assert torch.allclose(
+        *(learner.state_dict()["tensors"]["weights"] for learner in learners), rtol=1e-10, atol=1e-14
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"encode": lambda x: x[:, 0]}, r"encode must return shape \(3, m\) for states \(3, 1\), got \(3,\)"),
+        ({"encode": lambda x: x.T}, r"encode must return shape \(3, m\) .*, got \(1, 3\)"),
+        ({"draw": lambda rng, count: np.zeros(count)}, r"draw must return shape \(count, p\), got \(3,\)"),
+        ({"draw": lambda rng, count: np.zeros((1, 1))}, r"draw must return .*, got \(1, 1\) for a count of 3"),
+    ],
+)
+def test_a_problem_refuses(changes, message):
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(run_to_the_middle(), **changes)
 
 
 # The engines ---------------------------------------------------------------------------------------------------
