@@ -26,7 +26,7 @@ def random_initial_state(
     size: int | None = None,
     law: InitialLaw = "moderate",
 ) -> NDArray[np.float64]:
-    """Reduced states with independent, uniformly distributed components.
+    """Reduced states with independent, uniformly distributed components, drawn one state after the other.
 
     Angles lie in [-pi, pi], angular velocities in [-1, 1] rad/s, and both components of the velocity of the
     centre of mass in [-0.3, 0.3] m/s. The paper's trials start "from random states"; the law is ours. The other laws
@@ -57,7 +57,10 @@ def random_initial_state(
         np.full(n_links, pace * MAX_ANGULAR_VELOCITY),
         np.full(2, pace * MAX_VELOCITY),
     )
-    states = rng.uniform(-bound, bound, size=bound.shape if size is None else (size, *bound.shape))
     if law == "straight":
-        states[..., :n_links] += rng.uniform(-np.pi, np.pi, size=(*states.shape[:-1], 1))
-    return states
+        bound = np.append(bound, np.pi)  # of the common direction
+    states = rng.uniform(-bound, bound, size=bound.shape if size is None else (size, *bound.shape))
+    if law != "straight":
+        return states
+    states[..., :n_links] += states[..., -1:]
+    return states[..., :-1].copy()

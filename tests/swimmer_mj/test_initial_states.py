@@ -1,7 +1,9 @@
+from typing import get_args
+
 import numpy as np
 import pytest
 
-from swimmer_mj.initial_states import random_initial_state
+from swimmer_mj.initial_states import InitialLaw, random_initial_state
 
 
 @pytest.mark.parametrize("rng", [np.random.default_rng(0), np.random.RandomState(0)])
@@ -17,11 +19,13 @@ def test_components_are_uniform_within_their_bounds(rng):
     assert np.abs(correlations).max() < 0.04
 
 
-def test_one_state_is_the_first_of_many():
-    one = random_initial_state(np.random.default_rng(1), 5)
-    many = random_initial_state(np.random.default_rng(1), 5, 4)
+@pytest.mark.parametrize("law", get_args(InitialLaw))
+def test_states_are_drawn_one_after_the_other(law):
+    many = random_initial_state(np.random.default_rng(1), 5, 4, law)
+    rng = np.random.default_rng(1)
+    one, two = random_initial_state(rng, 5, law=law), random_initial_state(rng, 5, 3, law)
     assert one.shape == (12,)
-    np.testing.assert_array_equal(one, many[0])
+    np.testing.assert_array_equal(np.vstack([one, two]), many)
 
 
 def test_other_laws():
