@@ -119,6 +119,23 @@ def _learn(pack: Sequence[tuple[Variant, int]], duration: float) -> list[tuple[s
     return rows
 
 
+def _require_part(part: Path, pack: Sequence[tuple[Variant, int]], duration: float) -> None:
+    """Refuse a part of the log that is not that of the learners of ``pack``, all of them and to their end."""
+    table = read_table(part)
+    text = [cell if isinstance(cell, str) else f"{cell:g}" for cell in table["setting"].tolist()]
+    seeds, times = table["seed"].tolist(), table["simulated_seconds"].tolist()
+    end = {one[:3]: one[3] for one in zip(table["factor"].tolist(), text, seeds, times, strict=True)}
+    trial_duration = pack[0][0].config.td.trial_duration
+    expected_end = round(duration / trial_duration) * trial_duration
+    if set(end) != {(one.factor, one.setting, seed) for one, seed in pack} or not np.allclose(
+        list(end.values()), expected_end, rtol=1e-5
+    ):
+        raise ValueError(
+            f"{part} is not of the learners that belong there, after {expected_end:g} s: finish the run that wrote it, "
+            "or move it away"
+        )
+
+
 def run(
     directory: Path = LOGS,
     report: Callable[[str], None] = print,
@@ -129,6 +146,9 @@ def run(
     """Learn with every variant and seed. A finished pack is kept in a part of the log until all are done."""
     packs = _packs(variants)
     parts = [directory / f"{Path(LOG).stem}-part-{i}.csv" for i in range(len(packs))]
+    for pack, part in zip(packs, parts, strict=True):
+        if part.exists():
+            _require_part(part, pack, duration)
     for pack, part in zip(packs, parts, strict=True):
         if not part.exists():
             write_table(part, COLUMNS, _learn(pack, duration))
