@@ -148,15 +148,19 @@ def run_benchmark(seconds: float = 15.0) -> dict[str, float]:
         ``learner_steps_per_s_total``: of a pack on each core, together.
         ``reference_steps_per_s``: of the torch reference.
     """
-    torch.set_num_threads(1)
     cores = os.cpu_count() or 1
-    with ThreadPoolExecutor(cores) as pool:
-        works = {
-            "mj_step_per_s": mj_step(0.0),
-            "mj_step_viscous_per_s": viscous_mj_step(),
-            "learner_steps_per_s": fused(0),
-            "population_steps_per_s": population(0),
-            "learner_steps_per_s_total": on_all_cores(population, pool, cores),
-            "reference_steps_per_s": reference(),
-        }
-        return best_rates(works, seconds)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with ThreadPoolExecutor(cores) as pool:
+            works = {
+                "mj_step_per_s": mj_step(0.0),
+                "mj_step_viscous_per_s": viscous_mj_step(),
+                "learner_steps_per_s": fused(0),
+                "population_steps_per_s": population(0),
+                "learner_steps_per_s_total": on_all_cores(population, pool, cores),
+                "reference_steps_per_s": reference(),
+            }
+            return best_rates(works, seconds)
+    finally:
+        torch.set_num_threads(threads)
