@@ -3,7 +3,8 @@
     python benchmarks/compare_learners.py
 
 reads what ``own_learners.py`` and ``peers_sb3.py`` wrote, and draws docs/images/learners.png. A learner reaches a speed
-at its first look at that speed or more.
+at its first look at that speed or more. A seed that was stopped before it got there took longer than it was given:
+ratios are of medians over all seeds, and a median that falls among such seeds is known to be more than so much.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ from rich.table import Table
 from swimmer_mj.learning.evaluation import mean_and_interval
 from swimmer_mj.render.figures import COLORS, plain_axes, save_figure
 
-RESULTS = (Path("benchmarks/results/own-learners.csv"), Path("benchmarks/results/peers-sb3.csv"))
+ROOT = Path(__file__).parents[1]
+RESULTS = tuple(ROOT / "benchmarks" / "results" / name for name in ("own-learners.csv", "peers-sb3.csv"))
+PLOT = ROOT / "docs" / "images" / "learners.png"
 NAMES = {
     "value-gradient": "value gradients",
     "td": r"TD($\lambda$), the paper's",
@@ -62,48 +65,95 @@ def read(paths: Sequence[Path]) -> dict[str, list[Curve]]:
     return curves
 
 
-def reached(curves: Sequence[Curve], speed: float, quantity: str) -> Array:
-    """What each curve had spent of a quantity when it reached a speed; those that did not are left out."""
-    spent = []
+class Reached(NamedTuple):
+    """What the seeds of a learner had spent of a quantity when they reached a speed."""
+
+    spent: Array
+    """By each seed, shape (seeds,); infinite where it did not get there."""
+    given: Array
+    """What each seed was given, shape (seeds,)."""
+
+    @property
+    def count(self) -> str:
+        """How many seeds got there."""
+        return f"{np.isfinite(self.spent).sum()} of {len(self.spent)}"
+
+    @property
+    def median(self) -> float:
+        """Over all seeds, or the least that it can be."""
+        return float(np.median(np.minimum(self.spent, self.given)))
+
+    @property
+    def known(self) -> bool:
+        """Whether the median is that number, not more."""
+        return float(np.median(self.spent)) == self.median
+
+
+def reached(curves: Sequence[Curve], speed: float, quantity: str) -> Reached:
+    """What each curve had spent of a quantity at its first look at a speed."""
+    spent, given = [], []
     for curve in curves:
-        (fast,) = np.nonzero(curve.speed >= speed)
-        if len(fast):
-            spent.append(getattr(curve, quantity)[fast[0]])
-    return np.array(spent)
+        fast, amount = curve.speed >= speed, getattr(curve, quantity)
+        spent.append(amount[np.argmax(fast)] if fast.any() else np.inf)
+        given.append(amount[-1])
+    return Reached(np.array(spent), np.array(given))
 
 
-def words(values: Array, of: int, unit: str) -> str:
-    """Mean and bootstrap 95 % interval, and how many of the seeds got there."""
-    if len(values) == 0:
-        return f"0 of {of}"
+def mean_words(values: Array, unit: str) -> str:
+    """Mean and, of several values, bootstrap 95 % interval."""
+    if len(values) == 1:
+        return f"{values[0]:.3g} {unit}"
     mean, (low, high) = mean_and_interval(values)
-    interval = f" [{low:.3g}, {high:.3g}]" if len(values) > 1 else ""
-    return f"{mean:.3g} {unit}{interval}, {len(values)} of {of}"
+    return f"{mean:.3g} {unit} [{low:.3g}, {high:.3g}]"
+
+
+def median_words(what: Reached, unit: str, scale: float = 1.0) -> str:
+    """Median over all seeds, as far as it is known."""
+    return f"median {'' if what.known else '> '}{scale * what.median:,.3g} {unit}"
+
+
+def words(what: Reached, unit: str, scale: float) -> str:
+    """Mean where all seeds got there, else the median; and how many got there."""
+    all_there = np.isfinite(what.spent).all()
+    text = mean_words(scale * what.spent, unit) if all_there else median_words(what, unit, scale)
+    return f"{text}, {what.count}"
+
+
+def ratio_words(ours: Reached, name: str, other: Reached, unit: str) -> str:
+    """The medians of value gradients and of another learner, and their ratio as far as it is known."""
+    text = (
+        f"{median_words(ours, unit)} ({ours.count} seeds), {name} {median_words(other, unit)} ({other.count})"
+    )
+    if not ours.known:
+        return text
+    return f"{text}: {'' if other.known else 'less than '}1/{other.median / ours.median:.0f}"
 
 
 def print_tables(curves: dict[str, list[Curve]], console: Console) -> None:
-    """Time, simulation, the best speed; then how many times sooner than the fastest of the peers."""
+    """Time, simulation, the best speed; then how many times sooner than the fastest of the peers, by medians."""
     for quantity, unit, scale in (("cpu_seconds", "s", 1.0), ("simulation_steps", "million steps", 1e-6)):
         table = Table(
             "learner", *(f"{speed} m/s" for speed in SPEEDS), "best, m/s", title=f"to reach, {unit}"
         )
         for name, of_name in curves.items():
-            cells = [words(scale * reached(of_name, speed, quantity), len(of_name), unit) for speed in SPEEDS]
-            best = words(np.array([curve.speed.max() for curve in of_name]), len(of_name), "m/s")
+            cells = [words(reached(of_name, speed, quantity), unit, scale) for speed in SPEEDS]
+            best = mean_words(np.array([curve.speed.max() for curve in of_name]), "m/s")
             table.add_row(name, *cells, best)
         console.print(table)
+    if "value-gradient" not in curves:
+        return
     for speed in SPEEDS:
         times = {name: reached(of_name, speed, "cpu_seconds") for name, of_name in curves.items()}
-        ours = times.get("value-gradient", np.array([]))
-        peers = {name: times[name].mean() for name in ("ppo", "sac", "td3") if len(times.get(name, ()))}
-        if len(ours) and peers:
-            fastest = min(peers, key=peers.__getitem__)
-            console.print(f"{speed} m/s: 1/{peers[fastest] / ours.mean():.0f} of the time of {fastest}")
-    paper, ours = (
-        reached(curves.get(name, []), 1.0, "simulation_steps") for name in ("td", "value-gradient")
-    )
-    if len(paper) and len(ours):
-        console.print(f"1.0 m/s: 1/{paper.mean() / ours.mean():.0f} of the simulation steps of TD(lambda)")
+        peers = [
+            name for name in ("ppo", "sac", "td3") if name in times and np.isfinite(times[name].spent).any()
+        ]
+        if peers:
+            fastest = min(peers, key=lambda name: (not times[name].known, times[name].median))
+            text = ratio_words(times["value-gradient"], fastest, times[fastest], "s")
+            console.print(f"{speed} m/s: {text}")
+    if "td" in curves:
+        ours, paper = (reached(curves[name], 1.0, "simulation_steps") for name in ("value-gradient", "td"))
+        console.print(f"1.0 m/s: {ratio_words(ours, 'TD(lambda)', paper, 'simulation steps')}")
 
 
 def draw_curves(axes: Axes, curves: dict[str, list[Curve]], quantity: str) -> None:
@@ -138,7 +188,7 @@ def draw(curves: dict[str, list[Curve]]) -> Figure:
     return figure
 
 
-def main(results: Sequence[Path] = RESULTS, picture: Path | None = Path("docs/images/learners.png")) -> None:
+def main(results: Sequence[Path] = RESULTS, picture: Path | None = PLOT) -> None:
     """Print the tables and draw the plot.
 
     Args:

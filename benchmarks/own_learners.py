@@ -29,6 +29,7 @@ from swimmer_mj.learning.trainer import TrainConfig, value_gradient_config
 from swimmer_mj.learning.value_gradient import ValueGradientLearner
 from swimmer_mj.parameters import PAPER
 
+OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "own-learners.csv"
 SECONDS = {"value-gradient": 90.0, "td": 400.0}
 FIRST_LOOK = 1.0  # s
 GROWTH = 1.15  # of the time from look to look
@@ -132,7 +133,7 @@ def main(
     algorithms: Sequence[Literal["value-gradient", "td"]] = ("value-gradient", "td"),
     seeds: Sequence[int] = tuple(range(10)),
     seconds: float | None = None,
-    out: Path = Path("benchmarks/results/own-learners.csv"),
+    out: Path = OUT,
 ) -> None:
     """Train each algorithm with each seed, one after the other.
 

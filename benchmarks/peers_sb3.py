@@ -46,6 +46,8 @@ from swimmer_mj.learning.swimming import Swimming
 from swimmer_mj.parameters import PAPER
 from swimmer_mj.vector import SwimmerVectorEnv
 
+OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "peers-sb3.csv"
+
 HOLD = 5
 """Control steps of 0.01 s for which an action is held."""
 
@@ -165,7 +167,7 @@ def main(
     seeds: Sequence[int] = (0, 1, 2),
     seconds: float | None = None,
     every: float = 30.0,
-    out: Path = Path("benchmarks/results/peers-sb3.csv"),
+    out: Path = OUT,
 ) -> None:
     """Train each algorithm with each seed, one after the other.
 

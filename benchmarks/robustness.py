@@ -43,6 +43,7 @@ from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 Array = NDArray[np.float64]
 
+OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "robustness.csv"
 COLUMNS = ("seed", "change", "speed")
 FINER = 10
 N_DRAWS = 4
@@ -134,7 +135,7 @@ def read(out: Path) -> list[tuple[int, str, float]]:
 def main(
     run: tyro.conf.Positional[Path],
     seeds: Sequence[int] = tuple(range(10)),
-    out: Path = Path("benchmarks/results/robustness.csv"),
+    out: Path = OUT,
 ) -> None:
     """Evaluate the best weights of each seed under changes that they were not learned with.
 

@@ -1,0 +1,54 @@
+"""Ratios of learning times where some seeds never got there."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+def load(name):
+    spec = importlib.util.spec_from_file_location(f"benchmark_{name}", BENCHMARKS / f"{name}.py")
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+compare = load("compare_learners")
+
+
+def learner(*times, given=100.0):
+    """Seeds that reach 1 m/s after so many seconds; None: never."""
+    curves = []
+    for time in times:
+        at = np.array([0.0, given / 2 if time is None else time, given])
+        speed = np.array([0.0, 0.5 if time is None else 1.0, 0.7])
+        curves.append(compare.Curve(at, 100 * at, speed))
+    return compare.reached(curves, 1.0, "cpu_seconds")
+
+
+def test_seeds_that_never_got_there_count_as_later_than_all_they_were_given():
+    ours, all_there = learner(2.0, 4.0, 6.0), learner(40.0, 60.0, 20.0)
+    most, one, none = learner(40.0, None, 60.0), learner(None, 40.0, None), learner(None, None, given=300.0)
+    assert (ours.median, ours.known, ours.count) == (4.0, True, "3 of 3")
+    assert (most.median, most.known, most.count) == (60.0, True, "2 of 3")
+    assert (one.median, one.known, one.count) == (100.0, False, "1 of 3")
+    assert (none.median, none.known, none.count) == (300.0, False, "0 of 2")
+    assert compare.ratio_words(ours, "sac", all_there, "s").endswith("sac median 40 s (3 of 3): 1/10")
+    assert compare.ratio_words(ours, "sac", one, "s") == (
+        "median 4 s (3 of 3 seeds), sac median > 100 s (1 of 3): less than 1/25"
+    )
+    assert compare.ratio_words(one, "sac", ours, "s").endswith("(3 of 3)")  # nothing is known of the ratio
+    assert compare.words(one, "s", 1.0) == "median > 100 s, 1 of 3"
+    assert compare.words(ours, "s", 1.0).startswith("4 s [")
+
+
+@pytest.mark.parametrize("name", ["compare_learners", "own_learners", "robustness"])
+def test_results_are_in_the_repository_wherever_one_stands(name, monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    module = load(name)
+    paths = [*module.RESULTS, module.PLOT] if name == "compare_learners" else [module.OUT]
+    assert all(path.is_absolute() and path.parent.is_dir() for path in paths)
