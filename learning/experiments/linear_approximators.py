@@ -11,7 +11,8 @@ Cost: the swimmer of n links has 2n + 2 state variables. Radial basis functions 
 features; 8 tilings of 5 tiles a variable (6 along a line, for the displaced grids to cover it) have more.
 Measured where they fit into memory: time of V and dV/dx at a random state, once the grid is there, median of
 several. Beside them a cascade of 12 n neurons, the paper's 60 at 5 links, whose number of weights is quadratic in
-n. Larger ones are extrapolated by the figure: time per feature of the largest one measured.
+n. Larger ones are extrapolated by the figure: from the largest one measured, in proportion to the number of features
+times that of the state variables, along each of which V is differentiated.
 """
 
 from __future__ import annotations
