@@ -99,7 +99,11 @@ class ValueGradients:
     def learn(self, count: int, done: int, rng: np.random.Generator) -> tuple[float, float]:
         """Rounds until ``done + count`` trials' worth of time is simulated; mean V along the last one."""
         value = math.nan
-        while self.learner.simulation_steps < (done + count) * self.config.steps_per_trial:
+        config = self.config
+        steps_of_td = (
+            config.value_gradient.dt / config.td.dt
+        )  # in a step of this method: a trial is so many seconds
+        while self.learner.simulation_steps * steps_of_td < (done + count) * config.steps_per_trial:
             value = self.learner.step().value
         return value, math.nan
 
