@@ -54,8 +54,9 @@ class DifferentiableProblem:
     s_gamma: float = 1.0
     """Shortness factor, 1/s."""
     encode: Field = field(default=_itself)
-    """Network inputs of a state, (N, p) -> (N, m), differentiable: for instance cos and sin in place of an angle. V does
-    not depend on a state variable that is left out; its slope is 0 and is not learned."""
+    """Network inputs of a state, (N, p) -> (N, m), differentiable: for instance cos and sin in place of an angle.
+
+    V does not depend on a state variable that is left out: its slope is 0 and is not learned."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.s_gamma) and self.s_gamma > 0):

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.learning.continuous_td import Moment, TDSettings
 from swimmer_mj.learning.networks import Cascade
-from swimmer_mj.learning.problem import ControlProblem
+from swimmer_mj.learning.problem import ControlProblem, episode_steps
 from swimmer_mj.learning.rational_tanh import tanh_of_one
 from swimmer_mj.lowlevel import (
     FAST,
@@ -49,7 +49,14 @@ from swimmer_mj.lowlevel import (
     store,
 )
 
-__all__ = ["FusedTD", "Rollouts", "SampleStatistics", "TrialStatistics"]
+__all__ = [
+    "FusedTD",
+    "Rollouts",
+    "SampleStatistics",
+    "TrialStatistics",
+    "as_states",
+    "require_euler",
+]
 
 Array = NDArray[np.float64]
 Real = NDArray[Any]  # the learner's dtype
@@ -429,6 +436,23 @@ def _compile(
     return _Kernel(train, forward, backward, learn_once, load_weights, store_weights, sample, rollout)
 
 
+def as_states(states: Array, p: int) -> Array:
+    """``states`` as compiled code reads them: (count, p), float64, contiguous."""
+    states = np.ascontiguousarray(states, dtype=np.float64)
+    if states.ndim != 2 or states.shape[1] != p:
+        raise ValueError(f"states must have shape (count, {p}), got {states.shape}")
+    return states
+
+
+def require_euler(problem: ControlProblem) -> None:
+    """Refuse a problem that is stepped by another method than compiled trials are."""
+    integrator = getattr(problem, "integrator", "euler")
+    if integrator != "euler":
+        raise ValueError(
+            f"compiled learning integrates by Euler's method, got integrator {integrator!r}; use ContinuousTD"
+        )
+
+
 def _workspace(n: int, m: int, p: int, q: int, dtype: Any, rate_each: bool) -> Workspace:
     P, R = round_up(n), round_up(max(n - 1, 1))
     T, W, none = (m + n, P), (n, R), (1, LANES)
@@ -512,7 +536,8 @@ class FusedTD:
 
     def train(self, initial_states: Array) -> TrialStatistics:
         """One trial from each of ``initial_states`` (trials, p), one after the other."""
-        states = np.ascontiguousarray(initial_states, dtype=np.float64)
+        require_euler(self.problem)
+        states = as_states(initial_states, self.problem.state_size)
         settings, vario = self.settings, self.settings.vario
         statistics = np.empty((len(states), 3))
         self._kernel.train(
@@ -536,6 +561,8 @@ class FusedTD:
 
     def start_trial(self) -> None:
         """Zero traces, for :meth:`learn_at`."""
+        if self.settings.vario is not None:
+            raise ValueError("vario-eta is not available one step at a time; use train()")
         self.trace.zero_()
         self._load()
 
@@ -560,13 +587,11 @@ class FusedTD:
 
     def end_trial(self) -> None:
         """Bring weights and traces of the torch module up to date after :meth:`learn_at`."""
-        if self.settings.vario is not None:
-            raise ValueError("vario-eta is not available one step at a time; use train()")
         self._kernel.store_weights(self.network.weight.data.numpy(), self.trace.numpy(), self._ws)
 
     def sample(self, states: Array) -> SampleStatistics:
         """V and H at each of ``states`` (count, p); nothing is learned."""
-        states = np.ascontiguousarray(states, dtype=np.float64)
+        states = as_states(states, self.problem.state_size)
         out = np.empty((len(states), 2))
         self._load()
         self._kernel.sample(self._constants, self._limits, states, self.problem.s_gamma, self._ws, out)
@@ -576,17 +601,16 @@ class FusedTD:
         self, initial_states: Array, duration: float, skip: float = 0.0, dt: float = 0.01
     ) -> Rollouts:
         """Greedy episodes of ``duration`` seconds by RK4 with the control held for ``dt``; nothing is learned."""
-        states = np.ascontiguousarray(initial_states, dtype=np.float64)
-        if not 0 <= skip < duration:
-            raise ValueError(f"skip must be in [0, duration), got skip {skip} and duration {duration}")
+        states = as_states(initial_states, self.problem.state_size)
+        n_steps, n_skip = episode_steps(duration, skip, dt)
         out = np.empty((len(states), 2))
         self._load()
         self._kernel.rollout(
             self._constants,
             self._limits,
             states,
-            round(duration / dt),
-            round(skip / dt),
+            n_steps,
+            n_skip,
             dt,
             self.problem.s_gamma,
             self._ws,

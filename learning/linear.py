@@ -26,8 +26,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from swimmer_mj.learning.continuous_td import TDSettings
-from swimmer_mj.learning.fused import Rollouts, SampleStatistics, TrialStatistics
-from swimmer_mj.learning.problem import ControlProblem
+from swimmer_mj.learning.fused import (
+    Rollouts,
+    SampleStatistics,
+    TrialStatistics,
+    as_states,
+    require_euler,
+)
+from swimmer_mj.learning.problem import ControlProblem, episode_steps
 
 __all__ = ["Axis", "CompiledFeatures", "Features", "LinearTD", "RadialBasis", "TileCoding"]
 
@@ -552,24 +558,26 @@ class LinearTD:
     def phi(self, x: Array) -> Array:
         """Features, shape (N,), at ``x``, shape (p,)."""
         out = np.zeros(self.features.size)
-        self._phi.add(self._phi.constants, np.asarray(x, dtype=np.float64), 1.0, out, self._scratch)
+        self._phi.add(self._phi.constants, self._state(x), 1.0, out, self._scratch)
         return out
 
     def slope(self, x: Array) -> Array:
         """dV/dx, shape (p,), at ``x``, shape (p,); of the averaged V where the features are not smooth."""
         out = np.empty(self.features.n_axes)
-        x = np.asarray(x, dtype=np.float64)
-        self._phi.slope(self._phi.constants, x, self.weight, out, self._scratch)
+        self._phi.slope(self._phi.constants, self._state(x), self.weight, out, self._scratch)
         return out
 
     def value(self, x: Array) -> float:
         """V at ``x``, shape (p,)."""
-        x = np.asarray(x, dtype=np.float64)
-        return self._phi.value(self._phi.constants, x, self.weight, self._scratch)
+        return self._phi.value(self._phi.constants, self._state(x), self.weight, self._scratch)
+
+    def _state(self, x: Array) -> Array:
+        return as_states(np.asarray(x)[None], self.problem.state_size)[0]
 
     def train(self, initial_states: Array) -> TrialStatistics:
         """One trial from each of ``initial_states`` (trials, p), one after the other."""
-        states = np.ascontiguousarray(initial_states, dtype=np.float64)
+        require_euler(self.problem)
+        states = as_states(initial_states, self.problem.state_size)
         settings = self.settings
         statistics = np.empty((len(states), 3))
         self._kernel.train(
@@ -591,7 +599,7 @@ class LinearTD:
 
     def sample(self, states: Array) -> SampleStatistics:
         """V and H at each of ``states`` (count, p); nothing is learned."""
-        states = np.ascontiguousarray(states, dtype=np.float64)
+        states = as_states(states, self.problem.state_size)
         out = np.empty((len(states), 2))
         self._kernel.sample(
             self._constants,
@@ -610,17 +618,16 @@ class LinearTD:
         self, initial_states: Array, duration: float, skip: float = 0.0, dt: float = 0.01
     ) -> Rollouts:
         """Greedy episodes of ``duration`` seconds by RK4 with the control held for ``dt``; nothing is learned."""
-        states = np.ascontiguousarray(initial_states, dtype=np.float64)
-        if not 0 <= skip < duration:
-            raise ValueError(f"skip must be in [0, duration), got skip {skip} and duration {duration}")
+        states = as_states(initial_states, self.problem.state_size)
+        n_steps, n_skip = episode_steps(duration, skip, dt)
         out = np.empty((len(states), 2))
         self._kernel.rollout(
             self._constants,
             self._phi.constants,
             self._limits,
             states,
-            round(duration / dt),
-            round(skip / dt),
+            n_steps,
+            n_skip,
             dt,
             self.problem.s_gamma,
             self.weight,

@@ -25,7 +25,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from swimmer_mj.learning import vario_eta
-from swimmer_mj.learning.fused import FusedTD, TrialStatistics
+from swimmer_mj.learning.fused import FusedTD, TrialStatistics, require_euler
 from swimmer_mj.learning.problem import ControlProblem
 from swimmer_mj.learning.rational_tanh import tanh_of_lanes
 from swimmer_mj.learning.swimming_lanes import compiled_lanes
@@ -298,7 +298,7 @@ def _same_problem(a: ControlProblem, b: ControlProblem) -> bool:
     assert one is not None  # or there would be no FusedTD of it
     assert other is not None
     return (
-        (one.dynamics, one.inputs, a.s_gamma) == (other.dynamics, other.inputs, b.s_gamma)
+        (*one[1:], a.s_gamma) == (*other[1:], b.s_gamma)  # constants aside, all is functions
         and np.array_equal(a.control_limits, b.control_limits)
         and all(np.array_equal(x, y) for x, y in zip(one.constants, other.constants, strict=True))
     )
@@ -326,6 +326,7 @@ class PopulationTD:
             raise ValueError(f"a population has 1 to {LANES} learners, got {len(learners)}")
         (learner, *others) = learners
         network, problem = learner.network, learner.problem
+        require_euler(problem)
         for other in others:
             if not _same_problem(other.problem, problem):
                 raise ValueError("learners of a population must have one problem and one s_gamma")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.integrators import euler_step
 
-__all__ = ["CompiledProblem", "ControlProblem", "step_by_euler"]
+__all__ = ["CompiledProblem", "ControlProblem", "episode_steps", "step_by_euler"]
 
 Array = NDArray[np.float64]
 
@@ -91,6 +91,16 @@ class ControlProblem(Protocol):
     def compile(self) -> CompiledProblem | None:
         """The problem for the fused kernel; None where only the torch reference can learn it."""
         ...
+
+
+def episode_steps(duration: float, skip: float, dt: float) -> tuple[int, int]:
+    """Steps of ``dt`` in an episode of ``duration`` seconds, and in its first ``skip`` seconds, which do not count."""
+    n_steps, n_skip = round(duration / dt), round(skip / dt)
+    if not 0 <= skip < duration or n_skip >= n_steps:
+        raise ValueError(
+            f"skip must be in [0, duration), by a step of {dt} at least; got skip {skip} and duration {duration}"
+        )
+    return n_steps, n_skip
 
 
 def step_by_euler(problem: ControlProblem, x: Array, u: Array, dt: float) -> Array:

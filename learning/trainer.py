@@ -126,7 +126,7 @@ class TrainConfig:
 
     @property
     def steps_per_trial(self) -> int:
-        """Steps of simulation in a trial of the paper's length; trials count simulated time, whatever the method."""
+        """Steps of td.dt in a trial; trials count simulated time, whatever the method and its step."""
         return self.td.steps_per_trial
 
     def make_problem(self) -> ControlProblem:

@@ -45,7 +45,7 @@ from swimmer_mj.learning.differentiable import (
 )
 from swimmer_mj.learning.networks import ValueNetwork
 from swimmer_mj.learning.policy import GreedyPolicy
-from swimmer_mj.learning.problem import ControlProblem
+from swimmer_mj.learning.problem import ControlProblem, episode_steps
 from swimmer_mj.learning.swimming import RATE_SCALE, Swimming
 from swimmer_mj.reduced import reduced_constants
 
@@ -621,9 +621,8 @@ class ValueGradientLearner(Generic[Network]):
         -------
         ndarray, shape (N,)
         """
-        if not 0 <= skip < duration:
-            raise ValueError(f"skip must be in [0, duration), got skip {skip} and duration {duration}")
-        counts = np.arange(round(duration / dt)) >= round(skip / dt)
+        n_steps, n_skip = episode_steps(duration, skip, dt)
+        counts = np.arange(n_steps) >= n_skip
         weights = self._average if averaged else self._weights
         return self._engine.episodes(
             weights, np.asarray(initial_states, np.float64), counts / counts.sum(), dt

@@ -220,5 +220,19 @@ def test_refuses():
         FusedTD(problem, Cascade(4, 10))
     with pytest.raises(TypeError, match=r"must be float32 or float64, got torch\.float16"):
         FusedTD(problem, Cascade(3, 10, dtype=torch.float16))
-    with pytest.raises(ValueError, match="skip must be in"):
-        FusedTD(problem, Cascade(3, 10)).rollout(np.zeros((1, 2)), 1.0, skip=1.0)
+    learner = FusedTD(problem, Cascade(3, 10))
+    for skip in (1.0, 0.999):  # the second is as many steps as the whole
+        with pytest.raises(ValueError, match=f"by a step of 0.01 at least; got skip {skip} and duration 1.0"):
+            learner.rollout(np.zeros((1, 2)), 1.0, skip=skip)
+    for states in (np.zeros(2), np.zeros((3, 4)), np.zeros((1, 3, 2))):
+        for use in (learner.train, learner.sample, lambda states: learner.rollout(states, 1.0)):
+            with pytest.raises(
+                ValueError, match=rf"states must have shape \(count, 2\), got \({states.shape[0]},"
+            ):
+                use(states)
+    by_rk4 = FusedTD(Swimming(PAPER, integrator="rk4"), Cascade(17, 3))
+    for use in (lambda: by_rk4.train(np.zeros((1, 12))), lambda: PopulationTD([by_rk4])):
+        with pytest.raises(ValueError, match="by Euler's method, got integrator 'rk4'; use ContinuousTD"):
+            use()
+    with pytest.raises(ValueError, match=r"vario-eta is not available one step at a time; use train\(\)"):
+        FusedTD(problem, Cascade(3, 10), TDSettings(vario=VarioEta())).start_trial()

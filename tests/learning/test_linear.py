@@ -186,6 +186,22 @@ def test_learns_to_swing_up_and_hold(features, eta, trials):
         (lambda: TileCoding((ANGLE,), slope_width=-1.0), "slope_width must be positive and finite, got -1.0"),
         (lambda: LinearTD(Swimming(), RADIAL), "swim5 has 12 state variables, the features 2"),
         (lambda: LinearTD(Pendulum(), TILES, hamiltonian="gradient"), "hamiltonian must be 'difference'"),
+        (
+            lambda: LinearTD(Pendulum(), TILES).train(np.zeros((1, 3))),
+            r"must have shape \(count, 2\), got \(1, 3\)",
+        ),
+        (
+            lambda: LinearTD(Pendulum(), TILES).sample(np.zeros(2)),
+            r"must have shape \(count, 2\), got \(2,\)",
+        ),
+        (
+            lambda: LinearTD(Pendulum(), TILES).value(np.zeros(3)),
+            r"must have shape \(count, 2\), got \(1, 3\)",
+        ),
+        (
+            lambda: LinearTD(Pendulum(), TILES).rollout(np.zeros((1, 2)), 1.0, 0.999),
+            "got skip 0.999 and duration 1.0",
+        ),
         (lambda: LinearTD(Pendulum(), RADIAL, TDSettings(vario=VarioEta())), "settings.vario must be None"),
     ],
 )

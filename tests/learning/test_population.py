@@ -176,6 +176,11 @@ def another(**options):
     return FusedTD(Pendulum(), network_for(Pendulum(), 1, **options), TDSettings(trial_duration=0.5))
 
 
+class AnotherReward(Pendulum):
+    def compile(self):
+        return super().compile()._replace(reward=njit(lambda constants, x: 0.0))
+
+
 @pytest.mark.parametrize(
     ("other", "message"),
     [
@@ -183,6 +188,7 @@ def another(**options):
         (lambda: learner_for(Pendulum(mass=2.0), 1), "one problem and one s_gamma"),
         (lambda: learner_for(Pendulum(torque_limit=4.0), 1), "one problem and one s_gamma"),
         (lambda: learner_for(Swimming(PAPER), 1), "one problem and one s_gamma"),
+        (lambda: learner_for(AnotherReward(), 1), "one problem and one s_gamma"),
         (lambda: another(n_neurons=N_NEURONS + 1), "one size, one dtype and one sigmoid"),
         (lambda: another(dtype=torch.float32), "one size, one dtype and one sigmoid"),
         (lambda: another(sigmoid="logistic"), "one size, one dtype and one sigmoid"),

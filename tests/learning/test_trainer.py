@@ -119,7 +119,9 @@ def test_a_configuration_survives_its_file(tmp_path):
     run = TrainingRun(tmp_path / "run", config)
     assert read_config(run.directory) == config
     values = config.to_json()
-    assert TrainConfig.from_json(values) == TrainConfig.from_json(values) == config  # not changed by reading it
+    assert (
+        TrainConfig.from_json(values) == TrainConfig.from_json(values) == config
+    )  # not changed by reading it
     assert json.loads((run.directory / "config.json").read_text())["parameters"]["mass"] == [1, 2, 3, 4]
 
 
@@ -178,14 +180,31 @@ def test_value_gradients_that_diverge_are_named(tmp_path):
     def make(name, **changes):
         settings = ValueGradientSettings(trajectories=32, steps=5, minibatch=32, dt=0.05, **changes)
         config = TrainConfig(
-            method="value-gradient", problem="pendulum", value_gradient=settings, layers=(8,), evaluate_every=2
+            method="value-gradient",
+            problem="pendulum",
+            value_gradient=settings,
+            layers=(8,),
+            evaluate_every=2,
         )
         return TrainingRun(tmp_path / name, config)
 
     good, bad = make("good"), make("bad", learning_rate=1e30)
-    with pytest.raises(FloatingPointError, match=r"bad: the loss is no longer finite in round \d+: learning_rate"):
+    with pytest.raises(
+        FloatingPointError, match=r"bad: the loss is no longer finite in round \d+: learning_rate"
+    ):
         train_together([bad, good], trials=4, workers=1)
     assert (good.trial, bad.trial, bad.history) == (4, 0, [])
+
+
+def test_a_trial_of_value_gradients_is_as_long_as_one_of_td(tmp_path):
+    """Two trials of 5 s are two rounds of 32 trajectories x 5 steps of 0.05 s."""
+    settings = ValueGradientSettings(trajectories=32, steps=5, minibatch=32, dt=0.05)
+    config = TrainConfig(
+        method="value-gradient", problem="pendulum", value_gradient=settings, layers=(8,), evaluate_every=2
+    )
+    run = TrainingRun(tmp_path / "run", config)
+    run.advance()
+    assert (run.trial, run.learning.learner.rounds) == (2, 2)
 
 
 def test_both_engines_run_the_same_run(tmp_path):

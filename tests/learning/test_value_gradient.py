@@ -237,7 +237,9 @@ def test_finds_the_policy_of_a_bang_bang_problem():
     for _ in range(40):
         learner.step()
     x = np.linspace(0.2, 1.9, 35)[:, None]
-    np.testing.assert_array_equal(learner.control(np.concatenate([-x, x])), np.repeat([1.0, -1.0], 35)[:, None])
+    np.testing.assert_array_equal(
+        learner.control(np.concatenate([-x, x])), np.repeat([1.0, -1.0], 35)[:, None]
+    )
 
 
 def test_a_problem_may_leave_state_variables_out_and_be_written_for_batches_only():
@@ -254,9 +256,7 @@ def test_a_problem_may_leave_state_variables_out_and_be_written_for_batches_only
     )
     assert clocked.n_inputs == 1
     assert clocked.inputs(torch.tensor([0.5, 2.0])).tolist() == [0.5]
-    learners = [
-        ValueGradientLearner(problem, multilayer(1, (8,)), BANG_BANG) for problem in (plain, clocked)
-    ]
+    learners = [ValueGradientLearner(problem, multilayer(1, (8,)), BANG_BANG) for problem in (plain, clocked)]
     assert learners[1]._engine.slope_weights.tolist() == [1.0, 0.0]
     for _ in range(3):
         expected, found = (learner.step() for learner in learners)
@@ -272,7 +272,10 @@ def test_a_problem_may_leave_state_variables_out_and_be_written_for_batches_only
         ({"encode": lambda x: x[:, 0]}, r"encode must return shape \(3, m\) for states \(3, 1\), got \(3,\)"),
         ({"encode": lambda x: x.T}, r"encode must return shape \(3, m\) .*, got \(1, 3\)"),
         ({"draw": lambda rng, count: np.zeros(count)}, r"draw must return shape \(count, p\), got \(3,\)"),
-        ({"draw": lambda rng, count: np.zeros((1, 1))}, r"draw must return .*, got \(1, 1\) for a count of 3"),
+        (
+            {"draw": lambda rng, count: np.zeros((1, 1))},
+            r"draw must return .*, got \(1, 1\) for a count of 3",
+        ),
     ],
 )
 def test_a_problem_refuses(changes, message):
@@ -334,6 +337,8 @@ def test_what_cannot_be_compiled_is_said():
     with pytest.raises(ValueError, match="knows neurons with sigmoid 'tanh', not 'logistic'; use 'torch'"):
         ValueGradientLearner(problem, logistic, engine="compiled")
     assert ValueGradientLearner(problem, logistic).engine == "torch"
+    with pytest.raises(ValueError, match=r"got skip 0\.999 and duration 1\.0"):
+        ValueGradientLearner(Pendulum(), multilayer(3), SMALL).rollout(np.zeros((1, 2)), 1.0, 0.999)
     with pytest.raises(ValueError, match="swim5 has 17 inputs, the network 3"):
         ValueGradientLearner(problem, multilayer(3))
     assert ValueGradientLearner(Pendulum(), multilayer(3), SMALL).engine == "torch"

@@ -63,7 +63,11 @@ def test_a_learner_that_diverges_has_rows_of_nan_and_the_others_go_on(tmp_path, 
     table = read_table(log)
     assert table["factor"].tolist() == ["learning rate"] * 2 + ["batch"] * 2
     assert table["simulation_steps"].tolist() == [*LOOKS, *LOOKS]
-    assert np.isnan(table["speed"]).tolist() == np.isnan(table["speed_last"]).tolist() == [True] * 2 + [False] * 2
+    assert (
+        np.isnan(table["speed"]).tolist()
+        == np.isnan(table["speed_last"]).tolist()
+        == [True] * 2 + [False] * 2
+    )
     assert any(line.startswith("learning rate: wild, seed 0: diverged after") for line in news)
     studies.run_study(log, [wild, TINY], LOOKS, [0], pytest.fail, workers=1)  # it is done
 
