@@ -74,7 +74,7 @@ class Reached(NamedTuple):
     """What each seed was given, shape (seeds,)."""
 
     @property
-    def count(self) -> str:
+    def got_there(self) -> str:
         """How many seeds got there."""
         return f"{np.isfinite(self.spent).sum()} of {len(self.spent)}"
 
@@ -99,30 +99,35 @@ def reached(curves: Sequence[Curve], speed: float, quantity: str) -> Reached:
     return Reached(np.array(spent), np.array(given))
 
 
+def number(value: float) -> str:
+    """Three digits, or all of those before the point."""
+    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
+
+
 def mean_words(values: Array, unit: str) -> str:
     """Mean and, of several values, bootstrap 95 % interval."""
     if len(values) == 1:
-        return f"{values[0]:.3g} {unit}"
+        return f"{number(values[0])} {unit}"
     mean, (low, high) = mean_and_interval(values)
-    return f"{mean:.3g} {unit} [{low:.3g}, {high:.3g}]"
+    return f"{number(mean)} {unit} [{number(low)}, {number(high)}]"
 
 
 def median_words(what: Reached, unit: str, scale: float = 1.0) -> str:
     """Median over all seeds, as far as it is known."""
-    return f"median {'' if what.known else '> '}{scale * what.median:,.3g} {unit}"
+    return f"median {'' if what.known else '> '}{number(scale * what.median)} {unit}"
 
 
 def words(what: Reached, unit: str, scale: float) -> str:
     """Mean where all seeds got there, else the median; and how many got there."""
     all_there = np.isfinite(what.spent).all()
     text = mean_words(scale * what.spent, unit) if all_there else median_words(what, unit, scale)
-    return f"{text}, {what.count}"
+    return f"{text}, {what.got_there}"
 
 
 def ratio_words(ours: Reached, name: str, other: Reached, unit: str) -> str:
     """The medians of value gradients and of another learner, and their ratio as far as it is known."""
     text = (
-        f"{median_words(ours, unit)} ({ours.count} seeds), {name} {median_words(other, unit)} ({other.count})"
+        f"{median_words(ours, unit)} ({ours.got_there} seeds), {name} {median_words(other, unit)} ({other.got_there})"
     )
     if not ours.known:
         return text

@@ -33,10 +33,10 @@ def learner(*times, given=100.0):
 def test_seeds_that_never_got_there_count_as_later_than_all_they_were_given():
     ours, all_there = learner(2.0, 4.0, 6.0), learner(40.0, 60.0, 20.0)
     most, one, none = learner(40.0, None, 60.0), learner(None, 40.0, None), learner(None, None, given=300.0)
-    assert (ours.median, ours.known, ours.count) == (4.0, True, "3 of 3")
-    assert (most.median, most.known, most.count) == (60.0, True, "2 of 3")
-    assert (one.median, one.known, one.count) == (100.0, False, "1 of 3")
-    assert (none.median, none.known, none.count) == (300.0, False, "0 of 2")
+    assert (ours.median, ours.known, ours.got_there) == (4.0, True, "3 of 3")
+    assert (most.median, most.known, most.got_there) == (60.0, True, "2 of 3")
+    assert (one.median, one.known, one.got_there) == (100.0, False, "1 of 3")
+    assert (none.median, none.known, none.got_there) == (300.0, False, "0 of 2")
     assert compare.ratio_words(ours, "sac", all_there, "s").endswith("sac median 40 s (3 of 3): 1/10")
     assert compare.ratio_words(ours, "sac", one, "s") == (
         "median 4 s (3 of 3 seeds), sac median > 100 s (1 of 3): less than 1/25"
