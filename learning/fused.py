@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.learning.continuous_td import Moment, TDSettings
 from swimmer_mj.learning.networks import Cascade
-from swimmer_mj.learning.problem import ControlProblem, episode_steps
+from swimmer_mj.learning.problem import ControlProblem, episode_steps, require_euler
 from swimmer_mj.learning.rational_tanh import tanh_of_one
 from swimmer_mj.lowlevel import (
     FAST,
@@ -55,7 +55,6 @@ __all__ = [
     "SampleStatistics",
     "TrialStatistics",
     "as_states",
-    "require_euler",
 ]
 
 Array = NDArray[np.float64]
@@ -442,15 +441,6 @@ def as_states(states: Array, p: int) -> Array:
     if states.ndim != 2 or states.shape[1] != p:
         raise ValueError(f"states must have shape (count, {p}), got {states.shape}")
     return states
-
-
-def require_euler(problem: ControlProblem) -> None:
-    """Refuse a problem that is stepped by another method than compiled trials are."""
-    integrator = getattr(problem, "integrator", "euler")
-    if integrator != "euler":
-        raise ValueError(
-            f"compiled learning integrates by Euler's method, got integrator {integrator!r}; use ContinuousTD"
-        )
 
 
 def _workspace(n: int, m: int, p: int, q: int, dtype: Any, rate_each: bool) -> Workspace:

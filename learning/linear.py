@@ -31,9 +31,8 @@ from swimmer_mj.learning.fused import (
     SampleStatistics,
     TrialStatistics,
     as_states,
-    require_euler,
 )
-from swimmer_mj.learning.problem import ControlProblem, episode_steps
+from swimmer_mj.learning.problem import ControlProblem, episode_steps, require_euler
 
 __all__ = ["Axis", "CompiledFeatures", "Features", "LinearTD", "RadialBasis", "TileCoding"]
 

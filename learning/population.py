@@ -25,8 +25,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from swimmer_mj.learning import vario_eta
-from swimmer_mj.learning.fused import FusedTD, TrialStatistics, require_euler
-from swimmer_mj.learning.problem import ControlProblem
+from swimmer_mj.learning.fused import FusedTD, TrialStatistics
+from swimmer_mj.learning.problem import ControlProblem, require_euler
 from swimmer_mj.learning.rational_tanh import tanh_of_lanes
 from swimmer_mj.learning.swimming_lanes import compiled_lanes
 from swimmer_mj.lowlevel import (

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.integrators import euler_step
 
-__all__ = ["CompiledProblem", "ControlProblem", "episode_steps", "step_by_euler"]
+__all__ = ["CompiledProblem", "ControlProblem", "episode_steps", "require_euler", "step_by_euler"]
 
 Array = NDArray[np.float64]
 
@@ -101,6 +101,15 @@ def episode_steps(duration: float, skip: float, dt: float) -> tuple[int, int]:
             f"skip must be in [0, duration), by a step of {dt} at least; got skip {skip} and duration {duration}"
         )
     return n_steps, n_skip
+
+
+def require_euler(problem: ControlProblem) -> None:
+    """Refuse a problem that is stepped by another method than its learner would use."""
+    integrator = getattr(problem, "integrator", "euler")
+    if integrator != "euler":
+        raise ValueError(
+            f"this learner integrates by Euler's method, got integrator {integrator!r}; use ContinuousTD"
+        )
 
 
 def step_by_euler(problem: ControlProblem, x: Array, u: Array, dt: float) -> Array:

@@ -45,7 +45,7 @@ from swimmer_mj.learning.differentiable import (
 )
 from swimmer_mj.learning.networks import ValueNetwork
 from swimmer_mj.learning.policy import GreedyPolicy
-from swimmer_mj.learning.problem import ControlProblem, episode_steps
+from swimmer_mj.learning.problem import ControlProblem, episode_steps, require_euler
 from swimmer_mj.learning.swimming import RATE_SCALE, Swimming
 from swimmer_mj.reduced import reduced_constants
 
@@ -502,6 +502,7 @@ class ValueGradientLearner(Generic[Network]):
         self.settings = settings = ValueGradientSettings() if settings is None else settings
         if network.n_inputs != problem.n_inputs:
             raise ValueError(f"{problem.name} has {problem.n_inputs} inputs, the network {network.n_inputs}")
+        require_euler(problem)
         obstacle = _obstacle(problem, network, settings)
         if engine == "compiled" and obstacle:
             raise ValueError(f"engine 'compiled' {obstacle}; use 'torch'")
@@ -667,8 +668,6 @@ def _obstacle(problem: ControlProblem, network: ValueNetwork, settings: ValueGra
         return f"knows Swimming, not {problem.name!r}"
     if problem.encoding != "circle":
         return f"encodes angles as 'circle', not as {problem.encoding!r}"
-    if problem.integrator != "euler":
-        return f"integrates by Euler's method, not by {problem.integrator!r}"
     if next(network.parameters()).device.type != "cpu":
         return "runs on the CPU"
     try:
