@@ -366,8 +366,9 @@ class Pack:
         stretch : int
             Trials between calls; the result does not depend on it.
         stop : callable
-            Asked after each stretch. When it says True, the period is left unfinished and forgotten: the runs stand
-            where they last were saved, and None is returned.
+            Asked after each stretch. When it says True, the period is left unfinished and None is returned. What was
+            learned in it is not saved: on disk the runs stand where they last were saved, in memory
+            (``run.trial``, ``run.network``) where they stopped.
         """
         started = time.perf_counter()
         left = self.runs[0].config.evaluate_every
