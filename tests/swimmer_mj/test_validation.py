@@ -75,6 +75,9 @@ def test_without_the_callback_what_it_states_fails_and_nothing_else(monkeypatch)
     ]
     assert {check.worst for check in failed} == {"MuJoCo + callback"}
     assert not callback_self_test().passed
+    assert [check.name for check in other_models().checks if not check.passed] == [
+        "the swimmer beside it, drifting sideways: its friction, from -k l v of all links"
+    ]
 
 
 @pytest.mark.parametrize("spoilt", range(3))
