@@ -1,4 +1,4 @@
-# Each target first makes .venv and installs into it; nothing is installed twice.
+# Each target but clean first makes .venv and installs into it; nothing is installed twice.
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
