@@ -12,6 +12,7 @@ import pytest
 from swimmer_mj.cli import main, output, pictures, viewing
 from swimmer_mj.cli.runs import free_directory
 from swimmer_mj.cli.training import parse_seeds, train
+from swimmer_mj.learning.pretrained import pretrained_card, pretrained_names
 from swimmer_mj.learning.trainer import TrainConfig
 from swimmer_mj.render.curves import read_metrics
 from swimmer_mj.trajectory import Trajectory
@@ -511,3 +512,14 @@ def test_trains_value_gradients(tmp_path, capsys):
     )
     assert status == 2
     assert "--eta is for --method td" in err
+
+
+def test_a_pretrained_policy_keeps_its_name_beside_pictures_of_it(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (name, *_) = pretrained_names()
+    status, _, err = run(capsys, "render", name, "--duration", "1", "--fps", "5")
+    assert status == 0, err
+    assert (tmp_path / name / "film-strip.png").is_file()
+    status, reply, err = run(capsys, "info", name, "--json")
+    assert status == 0, err
+    assert json.loads(reply)["best"]["trial"] == pretrained_card(name)["trial"]

@@ -42,13 +42,15 @@ def render(
     if fps < 1:
         raise ValueError(f"--fps must be at least 1, got {fps}")
 
+    from swimmer_mj.learning.pretrained import PRETRAINED
     from swimmer_mj.render.backend import use_backend
 
     use_backend(backend)
     console = make_console(json)
     directory = first_policy_directory(run, console)
+    place = run if directory.parent == PRETRAINED else directory
     with status(console, f"drawing {directory}"):
-        pictures = render_run(directory, out or (directory if run.exists() else run), duration, fps, which)
+        pictures = render_run(directory, out or place, duration, fps, which)
     for path in pictures.values():
         print_line(console, f"  {path}")
     if json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json as json_module
 import os
@@ -179,13 +180,16 @@ def policy_directories(path: Path) -> list[Path]:
     """:func:`run_directories`, or the pretrained policy of that name: to be read, not to be resumed."""
     from swimmer_mj.learning.pretrained import pretrained_directory, pretrained_names
 
-    if path.exists():
-        return run_directories(path)
-    if str(path) in pretrained_names():
+    names = pretrained_names()
+    if str(path) in names:
+        with contextlib.suppress(FileNotFoundError):  # also where there are only pictures of the policy
+            return run_directories(path)
         return [pretrained_directory(str(path))]
-    raise FileNotFoundError(
-        f"{path} is not a run directory, nor is it one of the pretrained policies {', '.join(pretrained_names())}"
-    )
+    if not path.exists():
+        raise FileNotFoundError(
+            f"{path} is not a run directory, nor is it one of the pretrained policies {', '.join(names)}"
+        )
+    return run_directories(path)
 
 
 def first_policy_directory(path: Path, console: Console) -> Path:
