@@ -1,4 +1,4 @@
-# Each target first makes .venv and installs into it; nothing is installed twice.
+# Each target but clean first makes .venv and installs into it; nothing is installed twice.
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
@@ -35,5 +35,5 @@ figures: setup
 	$(BIN)/swimmer-mj figures
 
 clean:
-	rm -rf $(VENV) build dist runs figures *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -123,7 +123,7 @@ def draw_figure_1(logs: Logs = LOGS) -> Figure:
         axes.set_yscale("log")
         axes.set_ylabel(r"noise $\sqrt{v_i}$" if quantity == "noise" else r"rate $\eta_i$")
         axes.set_xlabel("trials")
-    panels[1, 0].legend(frameon=False, fontsize=9, loc="lower right")
+    panels[1, 0].legend(fontsize=9, loc="lower right", edgecolor="none", framealpha=0.9)
     figure.align_ylabels()
     return figure
 
@@ -398,7 +398,7 @@ def draw_value_bias(logs: Logs = LOGS) -> Figure:
         summary.axhline(0, color=INK, linewidth=0.8)
         summary.set_xscale("log")
         trials = np.unique(errors["trial"]).tolist()
-        _ticks_at(summary, trials, [f"{trial:,.0f}" for trial in trials])
+        _ticks_at(summary, trials, [f"{trial / 1000:g}k" for trial in trials])
         for axes in panels[row, len(trials) : -1]:
             axes.set_visible(False)
         summary.set_xlabel("trials")

@@ -118,11 +118,7 @@ class AnalyticSwimmer:
         ndarray, shape (..., 2n + 4)
         """
         n = self.parameters.n_links
-        u = np.asarray(u, dtype=np.float64)
-        if u.ndim == 0 or u.shape[-1] != n - 1:
-            raise ValueError(
-                f"u must have {n - 1} values on its last axis, one per joint; got shape {u.shape}"
-            )
+        u = st.torques(u, n)
         x = np.asarray(x, dtype=np.float64)
         A, b = self._system(x)
         q = _solve(A, (b + u @ self._torque_map().T)[..., None])[..., 0]

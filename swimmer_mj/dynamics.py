@@ -153,11 +153,7 @@ class MujocoSwimmer:
         ndarray, shape (..., 2n + 4)
         """
         n = self.parameters.n_links
-        u = np.asarray(u, dtype=np.float64)
-        if u.ndim == 0 or u.shape[-1] != n - 1:
-            raise ValueError(
-                f"u must have {n - 1} values on its last axis, one per joint; got shape {u.shape}"
-            )
+        u = st.torques(u, n)
         x = np.asarray(x, dtype=np.float64)
         state = st.split(x, n)
         batch = np.broadcast_shapes(x.shape[:-1], u.shape[:-1])
@@ -166,8 +162,8 @@ class MujocoSwimmer:
         with self._friction_in_force():
             for index in np.ndindex(batch):
                 q[index] = self._acceleration(x[index], u[index])
-        state = st.split(x, n)
-        return np.concatenate([state.velocity, state.angular_velocities, q], axis=-1)
+        velocities = np.concatenate([state.velocity, state.angular_velocities], axis=-1)
+        return np.concatenate([np.broadcast_to(velocities, q.shape), q], axis=-1)
 
     def drift(self, x: ArrayLike) -> Array:
         """a(x) = f(x, 0), shape (..., 2n + 4)."""

@@ -16,11 +16,13 @@ Importing this module imports no MuJoCo; making an environment does.
 
 from __future__ import annotations
 
+import operator
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
@@ -32,6 +34,9 @@ __all__ = ["SwimmerEnv"]
 _MAX_EPISODE_STEPS = 500
 """5 s, a trial of the paper."""
 
+_LARGEST_FRAME = 1280, 720  # the model's offscreen buffer
+_CAMERAS = "tracking", "top"
+
 Array = NDArray[np.float64]
 Action = NDArray[np.float32]
 
@@ -41,6 +46,18 @@ def legacy_seed(seed: int) -> int | list[int]:
     if seed < 2**32:
         return seed
     return [seed >> shift & 0xFFFFFFFF for shift in range(0, seed.bit_length(), 32)]
+
+
+def whole_number(name: str, value: Any, largest: float = float("inf")) -> int:
+    """``value``, a positive integer up to ``largest``, as an int."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = 0
+    if not 1 <= number <= largest:
+        bounds = "of at least 1" if largest == float("inf") else f"from 1 to {largest}"
+        raise ValueError(f"{name} must be an integer {bounds}, got {value!r}")
+    return number
 
 
 class SwimmerEnv(gymnasium.Env[Array, Action]):
@@ -107,8 +124,11 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
             raise ValueError(
                 f"render_mode must be None or one of {self.metadata['render_modes']}, got {render_mode!r}"
             )
-        if frame_skip < 1:
-            raise ValueError(f"frame_skip must be at least 1, got {frame_skip!r}")
+        frame_skip = whole_number("frame_skip", frame_skip)
+        width = whole_number("width", width, _LARGEST_FRAME[0])
+        height = whole_number("height", height, _LARGEST_FRAME[1])
+        if camera_name not in _CAMERAS:
+            raise ValueError(f"camera_name must be one of {', '.join(_CAMERAS)}; got {camera_name!r}")
         self._env = suite.load(
             task,
             task_kwargs={
@@ -123,6 +143,7 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
         self.observation_space = spaces.Box(-np.inf, np.inf, (2 * n + 2,), np.float64)
         self.action_space = spaces.Box(-1, 1, (n - 1,), np.float32)
         self.frame_skip = frame_skip
+        self._in_episode = False
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(1 / self._env.control_timestep())}
         self._frame = {"width": width, "height": height, "camera_id": camera_name}
@@ -158,6 +179,7 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
         super().reset(seed=seed)
         if seed is not None:
             self.task.random.seed(legacy_seed(seed))
+        self._in_episode = True
         return self._observation(self._env.reset()), {}
 
     def step(self, action: Action) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -172,7 +194,14 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
             Always False.
         info : dict
             Empty.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            There was no :meth:`reset` yet.
         """
+        if not self._in_episode:
+            raise ResetNeeded("call reset() before the first step()")
         if np.shape(action) != self.action_space.shape:
             raise ValueError(f"action must have shape {self.action_space.shape}, got {np.shape(action)}")
         time_step = self._env.step(action)

@@ -13,15 +13,20 @@ from numpy.typing import NDArray
 __all__ = ["PAPER", "SwimmerParameters"]
 
 
-def _one_per(value: float | Sequence[float], count: int, name: str, of: str) -> tuple[float, ...]:
-    """``value`` as ``count`` positive floats; a scalar is repeated."""
+def _one_per(value: float | Sequence[float], n_links: int, name: str, of: str) -> tuple[float, ...]:
+    """``value`` as positive floats, one per link or joint; a scalar is repeated."""
+    count = n_links - 1 if of == "joint" else n_links
     values = np.asarray(value)
     if values.dtype.kind not in "iuf" and values.size:
         raise TypeError(f"{name} must be a number or one number per {of}, got {value!r}")
     if values.ndim == 0:
         values = np.full(count, values)
     if values.shape != (count,):
-        raise ValueError(f"{name} must be a scalar or have {count} values, one per {of}; got {value!r}")
+        got = len(values) if values.ndim == 1 else f"shape {values.shape}"
+        raise ValueError(
+            f"{name} must be a scalar or have {count} values, one per {of}; got {got}: {value!r} "
+            f"(SwimmerParameters(n_links={n_links}) has the paper's)"
+        )
     if not (np.isfinite(values).all() and (values > 0).all()):
         raise ValueError(f"{name} must be positive and finite, got {value!r}")
     return tuple(float(v) for v in values)
@@ -32,7 +37,9 @@ class SwimmerParameters:
     """A chain of ``n_links`` rigid rods in a viscous fluid (Coulom 2002, A.1 and A.2).
 
     The defaults are the values of A.5. Scalars stand for the same value on every link or joint and are
-    stored as one value each, so that parameters that mean the same swimmer are equal.
+    stored as one value each, so that parameters that mean the same swimmer are equal. So another number of links
+    needs masses, lengths and torque limits of its own: for the paper's, it is ``SwimmerParameters(n_links=3)`` and not
+    ``dataclasses.replace(PAPER, n_links=3)``.
 
     Parameters
     ----------
@@ -72,7 +79,7 @@ class SwimmerParameters:
         set_field(self, "viscous_friction", k)
         set_field(self, "mass", _one_per(self.mass, n, "mass", "link"))
         set_field(self, "length", _one_per(self.length, n, "length", "link"))
-        set_field(self, "torque_limit", _one_per(self.torque_limit, n - 1, "torque_limit", "joint"))
+        set_field(self, "torque_limit", _one_per(self.torque_limit, n, "torque_limit", "joint"))
 
     @property
     def masses(self) -> NDArray[np.float64]:

@@ -41,6 +41,7 @@ __all__ = [
     "rotate",
     "split",
     "split_reduced",
+    "torques",
 ]
 
 Array = NDArray[np.float64]
@@ -83,7 +84,7 @@ def reduced_size(n_links: int) -> int:
 def _checked(x: ArrayLike, size: int, what: str) -> Array:
     x = np.asarray(x, dtype=np.float64)
     if x.ndim == 0 or x.shape[-1] != size:
-        raise ValueError(f"{what} must have {size} values on its last axis, got shape {x.shape}")
+        raise ValueError(f"{what} must have {size} values on the last axis, got shape {x.shape}")
     return x
 
 
@@ -109,6 +110,11 @@ def split_reduced(z: ArrayLike, n_links: int) -> ReducedState:
 def join_reduced(angles: ArrayLike, angular_velocities: ArrayLike, velocity: ArrayLike) -> Array:
     """A reduced state from its parts."""
     return np.concatenate([angles, angular_velocities, velocity], axis=-1, dtype=np.float64)
+
+
+def torques(u: ArrayLike, n_links: int) -> Array:
+    """``u`` as an array of torques, one per joint, shape (..., n - 1)."""
+    return _checked(u, n_links - 1, f"the torques u of {n_links} links")
 
 
 def link_directions(angles: Array) -> Array:

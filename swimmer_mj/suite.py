@@ -54,7 +54,7 @@ class Physics(mujoco.Physics):
     unpickling) until :meth:`free` or garbage collection, and so in every reset, forward and step. With
     friction by actuators there is nothing to hold, and MuJoCo's callback is left alone. What the
     accessors return follows from ``qpos`` and ``qvel`` alone: it is current also between a change of state
-    and the next ``forward``.
+    and the next ``forward``. The target direction is not part of that state: a reset leaves it as it is.
     """
 
     def _reload_from_data(self, data: mujoco.wrapper.MjData) -> None:
@@ -69,6 +69,29 @@ class Physics(mujoco.Physics):
         elif held is None:
             self._friction = viscous.hold(self)
         super()._reload_from_data(data)
+
+    def reset(self, keyframe_id: int | None = None) -> None:
+        """Set everything to the model's default or to a keyframe, but the target direction."""
+        direction = self.data.mocap_quat[0].copy()
+        super().reset(keyframe_id)
+        self.data.mocap_quat[0] = direction
+        self.move_target_mark(self.center_of_mass())
+        self.after_reset()
+
+    def after_reset(self) -> None:
+        """Evaluate the forces that act without the motors.
+
+        dm_control disables all actuators here, those by which the friction may be exerted among them.
+        """
+        if self._friction is not None:
+            super().after_reset()
+            return
+        controls = self.data.ctrl.copy()
+        self.data.ctrl[:] = 0
+        try:
+            self.forward()
+        finally:
+            self.data.ctrl[:] = controls
 
     def free(self) -> None:
         """Free the simulation and rendering contexts, and release the friction."""
@@ -148,7 +171,8 @@ class Swim(base.Task):
     Parameters
     ----------
     random_direction : bool
-        Whether each episode draws its target direction uniformly; otherwise it is +x.
+        Whether each episode draws its target direction uniformly; otherwise it is +x. It holds until the next
+        episode, or until ``physics.set_target_direction``.
     initial_states : callable, optional
         Called with the task's ``RandomState`` at the start of each episode, it returns the reduced state to
         start from (:mod:`swimmer_mj.state`; angles from the x axis); the centre of mass starts at the origin.

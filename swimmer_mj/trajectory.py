@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import os
 import zipfile
+import zlib
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,7 +107,7 @@ class Trajectory:
         Signed: it is the paper's reward, negative while the swimmer drifts the wrong way.
         """
         velocity = st.split_reduced(st.reduce(self.parameters, self.states), self.parameters.n_links).velocity
-        return (velocity * _unit(self.target_directions)).sum(axis=-1)
+        return (velocity * st.link_directions(self.target_directions)).sum(axis=-1)
 
     def speed(self, after: float = 0.0) -> float:
         """Mean velocity of the centre of mass along the target direction, m/s.
@@ -116,7 +119,7 @@ class Trajectory:
         if first >= self.n_steps:
             raise ValueError(f"after must be less than the last time {self.times[-1]:g} s, got {after!r}")
         steps = np.diff(self.centers_of_mass()[first:], axis=0)
-        along = (steps * _unit(self.target_directions[first:-1])).sum()
+        along = (steps * st.link_directions(self.target_directions[first:-1])).sum()
         return float(along / (self.times[-1] - self.times[first]))
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -129,17 +132,17 @@ class Trajectory:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Trajectory:
         """Read what :meth:`save` wrote."""
+        content = Path(path).read_bytes()
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with np.load(io.BytesIO(content), allow_pickle=False) as file:
                 parameters = SwimmerParameters(**json.loads(file["parameters"].item()))
                 return cls(parameters, *(file[name] for name in _ARRAYS))
-        except (AttributeError, KeyError, TypeError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        except _UNREADABLE as error:
             raise ValueError(f"{os.fspath(path)} is not a saved trajectory: {error}") from error
 
 
+# What NumPy, zipfile and JSON raise at a file that is damaged or another
+_UNREADABLE = (
+    AttributeError, KeyError, TypeError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 _ARRAYS = tuple(field.name for field in dataclasses.fields(Trajectory) if field.name != "parameters")
-
-
-def _unit(angles: Array) -> Array:
-    """Return unit vectors, shape (..., 2)."""
-    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)

@@ -26,7 +26,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from swimmer_mj import state as st
-from swimmer_mj.gymnasium import Action, Array, SwimmerEnv, legacy_seed
+from swimmer_mj.gymnasium import Action, Array, SwimmerEnv, legacy_seed, whole_number
 from swimmer_mj.suite import wrap_angle
 
 __all__ = ["SwimmerVectorEnv"]
@@ -73,8 +73,15 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         nthread: int = 0,
         **kwargs: Any,
     ) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs must be at least 1, got {num_envs!r}")
+        num_envs = whole_number("num_envs", num_envs)
+        if max_episode_steps is None or max_episode_steps == -1:
+            self._max_episode_steps = math.inf
+        elif max_episode_steps < 1:
+            raise ValueError(
+                f"max_episode_steps must be at least 1, or -1 for never; got {max_episode_steps!r}"
+            )
+        else:
+            self._max_episode_steps = max_episode_steps
         # The simulation in which episodes are started and frames drawn, one environment at a time.
         self._single = SwimmerEnv(task, **kwargs)
         self._physics = self._single.physics
@@ -87,8 +94,6 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
-        limited = max_episode_steps is not None and max_episode_steps != -1
-        self._max_episode_steps = max_episode_steps if limited else math.inf
         model = copy.copy(self._physics.model.ptr)
         model.opt.disableflags |= _NO_CONSTRAINTS
         self._batch = Batch(model, num_envs, nthread)
@@ -221,7 +226,9 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         return tuple(frames)
 
     def close_extras(self) -> None:
-        """Free the simulations and release the viscous friction."""
+        """Free the simulations and their threads, and release the viscous friction."""
+        for batch_or_view in ("_batch", "_qpos", "_qvel", "_time"):  # the last reference frees it
+            vars(self).pop(batch_or_view, None)
         self._single.close()
 
     def _check_open(self) -> None:

@@ -62,7 +62,7 @@ _VALUE_TYPES: dict[str, Any] = {
     "uintptr_t": ctypes.c_size_t,
 }
 
-_MODEL_SIZES = ("nbody", "nsite", "nv", "ntuple", "ntupledata")
+_MODEL_SIZES = ("nbody", "nsite", "nv", "ntuple", "ntupledata", "nnames")
 _MODEL_ARRAYS = (
     "body_rootid",
     "body_weldid",
@@ -198,7 +198,7 @@ def _compiled() -> tuple[Any, np.ndarray[Any, np.dtype[np.int64]]]:
         if m.ntuple == 0:
             return
         d = numba.carray(data, 1)[0]
-        names = numba.carray(_pointer(m.names), 1, np.uint8)
+        names = numba.carray(_pointer(m.names), m.nnames, np.uint8)
         name_tupleadr = numba.carray(_pointer(m.name_tupleadr), m.ntuple, np.int32)
         tuple_adr = numba.carray(_pointer(m.tuple_adr), m.ntuple, np.int32)
         tuple_size = numba.carray(_pointer(m.tuple_size), m.ntuple, np.int32)
@@ -291,13 +291,14 @@ class _SharedCallback:
     def acquire(self) -> None:
         with self._lock:
             friction, before = _compiled()  # before anything changes: it may raise
+            self._holders += 1  # first: no release() in a garbage collection from here on is the last one
             current = mujoco.get_mjcb_passive()
             if self._installed is not None and current is not self._installed:
+                self.release()
                 raise RuntimeError(
                     "MuJoCo's passive callback was replaced while the viscous friction was in force; "
                     "set your own callback first, and the friction will call it"
                 )
-            self._holders += 1
             if self._installed is None:
                 before[0], installed = 0, friction.ctypes
                 if isinstance(current, ctypes._CFuncPtr):

@@ -1,16 +1,19 @@
 import dataclasses
 import json
+import math
 import os
 import subprocess
 import sys
-from typing import ClassVar, get_args, get_type_hints
+from typing import ClassVar, Literal, get_args, get_type_hints
 
 import numpy as np
 import pytest
 
-from swimmer_mj.cli import main, viewing
+from swimmer_mj.cli import main, output, pictures, viewing
 from swimmer_mj.cli.runs import free_directory
-from swimmer_mj.cli.training import parse_seeds
+from swimmer_mj.cli.training import parse_seeds, train
+from swimmer_mj.learning.pretrained import pretrained_card, pretrained_names
+from swimmer_mj.learning.trainer import TrainConfig
 from swimmer_mj.render.curves import read_metrics
 from swimmer_mj.trajectory import Trajectory
 
@@ -72,10 +75,25 @@ def test_help_imports_nothing_heavy():
         (["train", "--out", "r", "--resume"], "is not a run directory"),
         (["train", "--out", "swim5-value-gradient", "--resume"], "is not a run directory"),
         (["evaluate", "nowhere"], "nowhere is not a run directory"),
-        (["render", "nowhere", "--duration", "0"], "--duration must be at least 1 s, got 0.0"),
+        (["train", "--out", "r", "--seed", "-1"], "--seed must not be negative, got -1"),
+        (["train", "--out", "r", "--resume", "--eta", "0.3", "--links", "4"], "leave out --eta, --links"),
+        (["train", "--out", "r", "--resume", "--seeds", "0-3"], "leave out --seeds"),
+        (
+            ["train", "--out", "r", "--problem", "pendulum", "--links", "3"],
+            "--links is for --problem swim, got",
+        ),
+        (["demo", "--seed", "-1"], "--seed must not be negative, got -1"),
+        (["validate", "--seed", "-1"], "--seed must not be negative, got -1"),
+        (["validate", "--html", "."], "--html must be a file in an existing directory, got ."),
+        (["validate", "--html", "no/report.html"], "--html must be a file in an existing directory, got no/"),
+        (["render", "nowhere", "--duration", "0"], "--duration must be finite and at least 1 s, got 0.0"),
+        (["render", "nowhere", "--duration", "inf"], "--duration must be finite and at least 1 s, got inf"),
+        (["render", "nowhere", "--duration", "nan"], "--duration must be finite and at least 1 s, got nan"),
+        (["render", "nowhere", "--fps", "0"], "--fps must be at least 1, got 0"),
         (["info", "nowhere"], "nor is it one of the pretrained policies swim"),
         (["view"], "{swim3,swim4,swim5,steer3,steer4,steer5}"),
         (["view", "swim6"], "swim6"),
+        (["view", "swim5", "--seed", "-1"], "--seed must not be negative, got -1"),
     ],
 )
 def test_bad_usage_is_one_line_on_standard_error(tmp_path, monkeypatch, capsys, arguments, complaint):
@@ -87,6 +105,57 @@ def test_bad_usage_is_one_line_on_standard_error(tmp_path, monkeypatch, capsys, 
     assert err.startswith("swimmer-mj: ")
     assert err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_seeds_and_paths_are_refused_before_any_work(tmp_path, monkeypatch, capsys):
+    from swimmer_mj import validation
+
+    def worked(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(validation, "full_report", worked)
+    monkeypatch.setattr(validation, "physics_report", worked)
+    for arguments in (
+        ["validate", "--seed", "-1"],
+        ["validate", "--html", tmp_path],
+        ["demo", "--seed", "-1"],
+    ):
+        assert run(capsys, *arguments)[0] == 2
+
+
+AWKWARD = "[bold]a[/bold] :smile: [/red] " + "long " * 30
+"""Markup, a name of an emoji, the end of no markup, and more than a line of a narrow console."""
+
+
+def test_lines_are_printed_as_they_are(capsys):
+    console = output.make_console(False)
+    output.print_line(console, AWKWARD)
+    output.print_line(console, AWKWARD, style="red")
+    assert capsys.readouterr().out == 2 * f"{AWKWARD}\n"
+    assert output.status(console, AWKWARD).renderable.text.plain == AWKWARD
+
+
+def test_paths_are_printed_as_they_are(tmp_path, monkeypatch, capsys, trained):
+    from swimmer_mj import validation
+    from swimmer_mj.render import backend
+
+    folder = tmp_path / ("[bold]" + 100 * "a") / "[" / "red]"
+    folder.mkdir(parents=True)
+    monkeypatch.setattr(pictures, "render_run", lambda *_: {"video": folder / "swimmer.mp4"})
+    status, out, _ = run(capsys, "render", trained)
+    assert (status, out) == (0, f"  {folder / 'swimmer.mp4'}\n")
+
+    monkeypatch.setattr(validation, "full_report", lambda seed: [])
+    status, out, _ = run(capsys, "validate", "--html", folder / "report.html")
+    assert (status, out) == (0, f"  {folder / 'report.html'}\n")
+
+    def no_library(name):
+        raise backend.BackendError(str(folder))
+
+    monkeypatch.setattr(backend, "probe", no_library)
+    status, out, _ = run(capsys, "doctor")
+    assert status == 1
+    assert out.endswith(f"\nrendering: {folder}\n")
 
 
 def test_parse_seeds():
@@ -125,6 +194,29 @@ def test_a_failed_check_is_exit_status_1(monkeypatch, capsys):
     assert json.loads(out)["passed"] is False
 
 
+def test_a_failed_check_of_the_demo_is_reported_before_anything_is_learned(tmp_path, monkeypatch, capsys):
+    from swimmer_mj import validation
+
+    good, wrong = validation.Check("good", 0.0, 1.0, ""), validation.Check("wrong", math.nan, 1.0, "")
+    monkeypatch.setattr(validation, "physics_report", lambda: [good, wrong])
+    status, out, _ = run(capsys, "demo", "--out", tmp_path / "demo", "--json")
+    assert status == 1
+    assert json.loads(out) == {"passed": False, "checks": [wrong.to_json()]}
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_doctor_reports_a_callback_that_gives_no_number(monkeypatch, capsys):
+    from swimmer_mj import validation
+
+    check = validation.Check("a rod", math.nan, 1e-9, "")
+    monkeypatch.setattr(validation, "callback_self_test", lambda: check)
+    status, out, _ = run(capsys, "doctor", "--json")
+    report = json.loads(out)
+    assert status == 1
+    assert (report["callback"]["error"], report["callback"]["passed"]) == (None, False)
+    assert "callback: a rod: error nan exceeds 1e-09" in report["problems"]
+
+
 def test_doctor(capsys):
     status, out, _ = run(capsys, "doctor", "--json")
     report = json.loads(out)
@@ -138,10 +230,99 @@ def test_doctor(capsys):
 def test_info(capsys, trained):
     status, out, _ = run(capsys, "info", "--json")
     assert status == 0
-    assert "swim5" in json.loads(out)["tasks"]
+    assert json.loads(out)["tasks"] == ["swim3", "swim4", "swim5", "steer3", "steer4", "steer5"]
+    assert json.loads(out)["problems"] == ["swim", "pendulum"]
     status, out, _ = run(capsys, "info", trained, "--json")
     assert status == 0
     assert json.loads(out)["config"]["parameters"]["n_links"] == 2
+
+
+def test_info_offers_the_tasks_and_problems_there_are(monkeypatch, capsys):
+    import swimmer_mj
+    from swimmer_mj.learning import trainer
+
+    @dataclasses.dataclass
+    class Config:
+        problem: Literal["swim", "fly"]
+
+    monkeypatch.setattr(swimmer_mj.suite, "SUITE", ["swim99"])
+    monkeypatch.setattr(trainer, "TrainConfig", Config)
+    _, out, _ = run(capsys, "info", "--json")
+    assert json.loads(out)["tasks"] == ["swim99"]
+    assert json.loads(out)["problems"] == ["swim", "fly"]
+
+
+def test_train_offers_what_a_run_can_be():
+    offered, possible = get_type_hints(train), get_type_hints(TrainConfig)
+    for name in ("method", "problem", "physics", "dtype", "device"):
+        assert get_args(offered[name]) == get_args(possible[name]), name
+
+
+PENDULUM = ["--problem", "pendulum", "--neurons", "8"]
+
+
+@pytest.fixture(scope="module")
+def seeds(tmp_path_factory):
+    """Runs of three swimmers that have hardly learned."""
+    out = tmp_path_factory.mktemp("runs") / "[runs]"
+    learning = ["--links", "2", "--neurons", "4", "--trials", "5", "--evaluate-every", "5"]
+    assert main(["train", "--out", str(out), "--seeds", "3-5", *learning]) == 0
+    return out
+
+
+def test_info_describes_each_of_several_runs(capsys, seeds):
+    status, out, _ = run(capsys, "info", seeds, "--json")
+    report = json.loads(out)
+    assert status == 0
+    assert report["run"] == str(seeds)
+    assert [r["run"] for r in report["runs"]] == [str(seeds / f"seed-{seed}") for seed in (3, 4, 5)]
+    assert [r["config"]["seed"] for r in report["runs"]] == [3, 4, 5]
+
+
+def test_render_and_view_say_which_of_several_runs_is_taken(tmp_path, monkeypatch, capsys, viewer, seeds):
+    drawn = []
+    monkeypatch.setattr(
+        pictures, "render_run", lambda directory, *_: drawn.append(directory) or {"video": tmp_path / "a.mp4"}
+    )
+    taken = f"{seeds} holds 3 runs; the first is taken: {seeds / 'seed-3'}\n"
+    assert run(capsys, "render", seeds, "--out", tmp_path) == (0, f"{taken}  {tmp_path / 'a.mp4'}\n", "")
+    _, out, _ = run(capsys, "render", seeds, "--out", tmp_path, "--json")
+    assert json.loads(out) == {"run": str(seeds / "seed-3"), "video": str(tmp_path / "a.mp4")}
+    assert drawn == 2 * [seeds / "seed-3"]
+    status, out, err = run(capsys, "view", "swim3", seeds)
+    assert (status, out) == (2, taken)
+    assert "learned to move 2 links" in err
+
+
+def test_a_taken_directory_of_several_is_found_before_the_first_is_written(tmp_path, capsys):
+    taken = tmp_path / "seed-1"
+    assert run(capsys, "train", "--out", taken, *PENDULUM, "--trials", "5", "--evaluate-every", "5")[0] == 0
+    before = {path: path.read_bytes() for path in taken.iterdir()}
+    status, _, err = run(capsys, "train", "--out", tmp_path, *PENDULUM, "--seeds", "2,1", "--trials", "5")
+    assert status == 2
+    assert f"{taken} already holds a run" in err
+    (tmp_path / "seed-3").write_text("")
+    status, _, err = run(capsys, "train", "--out", tmp_path, *PENDULUM, "--seeds", "2,3", "--trials", "5")
+    assert status == 2
+    assert f"{tmp_path / 'seed-3'} is a file" in err
+    assert not (tmp_path / "seed-2").exists()
+    assert {path: path.read_bytes() for path in taken.iterdir()} == before
+
+
+def test_train_reports_the_trials_that_were_saved(tmp_path, monkeypatch, capsys):
+    from swimmer_mj.learning import trainer
+
+    def one_stretch_too_many(runs, **_):
+        for trained in runs:
+            trained.advance()
+            assert trained.advance(stretch=5, stop=lambda: True) is None
+
+    monkeypatch.setattr(trainer, "train_together", one_stretch_too_many)
+    out = tmp_path / "run"
+    status, printed, _ = run(capsys, "train", "--out", out, *PENDULUM, "--evaluate-every", "20", "--json")
+    assert status == 0
+    assert json.loads(printed)["runs"][0]["trials"] == 20
+    assert read_metrics(out / "metrics.csv")["trial"].tolist() == [20]
 
 
 def test_train_reports_and_resumes(tmp_path, capsys):
@@ -160,7 +341,7 @@ def test_train_reports_and_resumes(tmp_path, capsys):
     assert "already holds a run" in err
     status, _, err = run(capsys, "train", "--out", out, "--resume", "--trials", "60", "--eta", "0.3")
     assert status == 2
-    assert "--resume goes on with the run's own configuration: leave out td" in err
+    assert "--resume goes on with the run's own configuration: leave out --eta\n" in err
 
 
 def test_evaluate(capsys, trained):
@@ -331,3 +512,14 @@ def test_trains_value_gradients(tmp_path, capsys):
     )
     assert status == 2
     assert "--eta is for --method td" in err
+
+
+def test_a_pretrained_policy_keeps_its_name_beside_pictures_of_it(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (name, *_) = pretrained_names()
+    status, _, err = run(capsys, "render", name, "--duration", "1", "--fps", "5")
+    assert status == 0, err
+    assert (tmp_path / name / "film-strip.png").is_file()
+    status, reply, err = run(capsys, "info", name, "--json")
+    assert status == 0, err
+    assert json.loads(reply)["best"]["trial"] == pretrained_card(name)["trial"]

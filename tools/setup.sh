@@ -10,6 +10,7 @@ python=${PYTHON:-python3}
     exit 2
 }
 [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
+echo "setup: installing into $venv; a few minutes"
 "$venv/bin/python" -m pip install --quiet --editable '.[dev]'
 
 # OSMesa draws on the CPU, without a screen or a GPU. It is a system library: pip cannot bring it.

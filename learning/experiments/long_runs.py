@@ -35,7 +35,7 @@ class Swimmer(NamedTuple):
     """Of the cascade, the output counted."""
     trials: int
     steps_per_s: float
-    """Learning steps that one learner alone does on one core of the machine of docs/performance.md."""
+    """Learning steps that one learner alone does on one core of the machine of docs/performance.md, about."""
 
 
 SWIMMERS = {

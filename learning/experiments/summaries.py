@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimmer_mj.learning.continuous_td import TDSettings
 from swimmer_mj.learning.evaluation import mean_and_interval
 from swimmer_mj.learning.experiments import long_runs, section_3_3, what_decides
 from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where
@@ -33,8 +34,6 @@ Logs = str | os.PathLike[str]
 
 SHARES = (0.5, 0.8, 0.95)
 """Of a run's top speed."""
-
-STEPS_PER_TRIAL = 500
 
 
 class Summary(NamedTuple):
@@ -111,7 +110,7 @@ def trials_to(table: Table, preset: str, share: float) -> Array:
 def _trials_and_hours(trials: Array, steps_per_s: float) -> str:
     """Median and quartiles over seeds, in thousands, and the median's hours."""
     low, middle, high = np.quantile(trials, [0.25, 0.5, 0.75])
-    hours = middle * STEPS_PER_TRIAL / steps_per_s / 3600
+    hours = middle * TDSettings().steps_per_trial / steps_per_s / 3600
     return f"{middle / 1e3:,.0f}k [{low / 1e3:,.0f}k, {high / 1e3:,.0f}k], {hours:.2f} h"
 
 
@@ -192,7 +191,7 @@ def speeds_by_setting(logs: Logs = LOGS) -> Summary:
                 str(len(speed)),
                 _with_interval(speed),
                 f"{np.median(speed):.2f}",
-                f"{np.median(at_end['mean_squared_hamiltonian']):.2g}",
+                f"{np.median(np.nan_to_num(at_end['mean_squared_hamiltonian'], nan=np.inf)):.2g}",
             )
         )
     return Summary(

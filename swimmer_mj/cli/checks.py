@@ -9,7 +9,16 @@ import time
 from pathlib import Path
 from typing import Any
 
-from swimmer_mj.cli.output import CheckFailedError, make_console, make_table, print_checks, print_json
+from swimmer_mj.cli.options import check_seed
+from swimmer_mj.cli.output import (
+    CheckFailedError,
+    make_console,
+    make_table,
+    print_checks,
+    print_json,
+    print_line,
+    status,
+)
 from swimmer_mj.cli.pictures import Backend
 
 __all__ = ["bench", "doctor", "validate"]
@@ -23,11 +32,13 @@ def validate(seed: int = 0, html: Path | None = None, json: bool = False) -> Non
         html: Also write the report, with plots, as one page to this file.
         json: Print one JSON object.
     """
+    check_seed(seed)
+    if html is not None and (html.is_dir() or not html.parent.is_dir()):
+        raise ValueError(f"--html must be a file in an existing directory, got {html}")
+
     from swimmer_mj.report import write_page
     from swimmer_mj.validation import full_report
 
-    if html is not None and not html.parent.is_dir():
-        raise ValueError(f"--html must be a file in an existing directory, got {html}")
     started = time.perf_counter()
     console = make_console(json)
     sections = []
@@ -39,7 +50,7 @@ def validate(seed: int = 0, html: Path | None = None, json: bool = False) -> Non
     passed = all(section.passed for section in sections)
     if html is not None:
         write_page(html, sections, seed, seconds)
-        console.print(f"  {html}")
+        print_line(console, f"  {html}")
     if json:
         print_json(
             {
@@ -70,7 +81,7 @@ def bench(json: bool = False) -> None:
     from swimmer_mj.learning.benchmark import run_benchmark
 
     console = make_console(json)
-    with console.status("timing"):
+    with status(console, "timing"):
         rates = run_benchmark()
     table = make_table("Steps per second", ("", "1/s"))
     for name, rate in rates.items():
@@ -84,7 +95,7 @@ def doctor(backend: Backend | None = None, json: bool = False) -> None:
     """Is this installation sound? Versions, one rendered frame, the friction callback at work.
 
     Args:
-        backend: OpenGL backend to try; OSMesa by default.
+        backend: OpenGL backend to try; by default the one that MUJOCO_GL names, else OSMesa, on macOS CGL.
         json: Print one JSON object.
     """
     import platform
@@ -108,7 +119,7 @@ def doctor(backend: Backend | None = None, json: bool = False) -> None:
         report["rendering"] = {"error": str(error)}
     try:
         check = callback_self_test()
-        report["callback"] = {**dataclasses.asdict(check), "passed": check.passed}
+        report["callback"] = check.to_json()
         if not check.passed:
             problems.append(f"callback: {check.name}: error {check.error:.1e} exceeds {check.tolerance:.0e}")
     except RuntimeError as error:
@@ -120,6 +131,6 @@ def doctor(backend: Backend | None = None, json: bool = False) -> None:
     if json:
         print_json(report)
     for problem in problems:
-        console.print(f"[red]{problem}[/red]")
+        print_line(console, problem, style="red")
     if problems:
         raise CheckFailedError

@@ -7,12 +7,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from swimmer_mj.cli.options import check_seed
 from swimmer_mj.cli.output import (
     CheckFailedError,
     make_console,
     print_checks,
     print_evaluation,
     print_json,
+    print_line,
+    status,
 )
 from swimmer_mj.cli.pictures import Backend, render_run
 from swimmer_mj.cli.runs import evaluate_run, free_directory
@@ -37,9 +40,11 @@ def demo(
     Args:
         seed: Of the two learners that are trained side by side: of value gradients, and the paper's.
         out: Run directory; a number is added if it is taken.
-        backend: OpenGL backend; OSMesa by default.
+        backend: OpenGL backend; by default the one that MUJOCO_GL names, else OSMesa, on macOS CGL.
         json: Print one JSON object.
     """
+    check_seed(seed)
+
     from swimmer_mj.render.backend import use_backend
 
     started = time.perf_counter()
@@ -53,14 +58,16 @@ def demo(
     console.rule("1. Physics: A.3 against MuJoCo")
     checks = physics_report()
     print_checks(console, checks)
-    if not all(check.passed for check in checks):
+    if failed := [check.to_json() for check in checks if not check.passed]:
+        if json:
+            print_json({"passed": False, "checks": failed})
         raise CheckFailedError
 
     console.rule("2. Learning: the value gradient, and beside it the paper's TD(λ), each on a core")
     out = free_directory(out)
     best = TrainingRun(out / "value-gradient", value_gradient_config(seed))
     paper = TrainingRun(out / "td", TrainConfig(seed=seed))
-    with console.status("compiling"):
+    with status(console, "compiling"):
         _compile([best.config, paper.config])
     training = time.perf_counter()
     train_runs(console, [best, paper], seconds=DEMO_SECONDS, enough=lambda run: run.best_speed >= DEMO_SPEED)
@@ -78,7 +85,7 @@ def demo(
     beside = [("TD(λ), the paper's", paper.directory / LOG)] if paper.history else []
     pictures = render_run(best.directory, best.directory, duration=13.0, fps=30, beside=beside)
     for path in pictures.values():
-        console.print(f"  {path}")
+        print_line(console, f"  {path}")
     console.print(
         f"\nIt swims at [bold]{result['speed_mean']:.2f} m/s[/bold] after {training:.0f} s of learning with value "
         f"gradients (docs/beyond.md); the best open-loop wave makes 0.54 m/s. The paper's method, which took a week in "
@@ -92,7 +99,6 @@ def demo(
                 "seconds": time.perf_counter() - started,
                 "training_seconds": training,
                 "td_speed": max(paper.best_speed, 0.0),
-                "trials": best.trial,
                 **result,
                 "pictures": {name: str(path) for name, path in pictures.items()},
             }

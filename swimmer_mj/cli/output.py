@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.status import Status
 
 __all__ = [
     "CheckFailedError",
@@ -18,6 +19,8 @@ __all__ = [
     "print_checks",
     "print_evaluation",
     "print_json",
+    "print_line",
+    "status",
 ]
 
 
@@ -30,6 +33,20 @@ def make_console(quiet: bool) -> Console:
     from rich.console import Console
 
     return Console(quiet=quiet, highlight=False)
+
+
+def print_line(console: Console, line: str, style: str | None = None) -> None:
+    """A line as it is: what looks like markup in a path or a message is none, and nothing is folded."""
+    from rich.text import Text
+
+    console.print(Text(line), style=style, soft_wrap=True)
+
+
+def status(console: Console, line: str) -> Status:
+    """What is being done, with :func:`print_line`'s care, while a block runs."""
+    from rich.text import Text
+
+    return console.status(Text(line))
 
 
 def print_json(value: dict[str, Any]) -> None:

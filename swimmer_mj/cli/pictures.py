@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
 from tyro.conf import Positional
 
-from swimmer_mj.cli.output import make_console, make_table, print_json
-from swimmer_mj.cli.runs import Which, policy_directories
+from swimmer_mj.cli.output import make_console, make_table, print_json, print_line, status
+from swimmer_mj.cli.runs import Which, first_policy_directory
 
 __all__ = ["Backend", "figures", "render", "render_run"]
 
@@ -33,23 +34,27 @@ def render(
         which: The weights that were fastest while training, or the last.
         duration: Length of the episode, s; the target direction is reversed after 5/13 of it, as in figure 3.
         fps: Frames per second of the video.
-        backend: OpenGL backend; OSMesa by default.
+        backend: OpenGL backend; by default the one that MUJOCO_GL names, else OSMesa, on macOS CGL.
         json: Print one JSON object.
     """
-    if not duration >= 1:
-        raise ValueError(f"--duration must be at least 1 s, got {duration}")
+    if not 1 <= duration < math.inf:
+        raise ValueError(f"--duration must be finite and at least 1 s, got {duration}")
+    if fps < 1:
+        raise ValueError(f"--fps must be at least 1, got {fps}")
 
+    from swimmer_mj.learning.pretrained import PRETRAINED
     from swimmer_mj.render.backend import use_backend
 
     use_backend(backend)
     console = make_console(json)
-    (directory,) = policy_directories(run)[:1]
-    with console.status(f"drawing {directory}"):
-        pictures = render_run(directory, out or (directory if run.exists() else run), duration, fps, which)
+    directory = first_policy_directory(run, console)
+    place = run if directory.parent == PRETRAINED else directory
+    with status(console, f"drawing {directory}"):
+        pictures = render_run(directory, out or place, duration, fps, which)
     for path in pictures.values():
-        console.print(f"  {path}")
+        print_line(console, f"  {path}")
     if json:
-        print_json({name: str(path) for name, path in pictures.items()})
+        print_json({"run": str(directory), **{name: str(path) for name, path in pictures.items()}})
 
 
 def render_run(
@@ -61,8 +66,6 @@ def render_run(
     beside: Sequence[tuple[str, Path]] = (),
 ) -> dict[str, Path]:
     """Draw all there is to see of a run; the backend is chosen before."""
-    import math
-
     from swimmer_mj.learning.evaluation import evaluation_states, record_episode
     from swimmer_mj.learning.trainer import LOG, load_policy
     from swimmer_mj.render.curves import OPEN_LOOP_SPEED, learning_curve, rollout_plot
@@ -131,10 +134,10 @@ def figures(
     for name in names or FIGURES:
         if rerun:
             logs.mkdir(parents=True, exist_ok=True)
-            EXPERIMENTS[name].run(logs, report=lambda line: console.print(line, markup=False, soft_wrap=True))
+            EXPERIMENTS[name].run(logs, report=lambda line: print_line(console, line))
         pictures[name] = out / f"{name}.png"
         save_figure(FIGURES[name](logs), pictures[name])
-        console.print(f"{EXPERIMENTS[name].description}: {pictures[name]}", markup=False, soft_wrap=True)
+        print_line(console, f"{EXPERIMENTS[name].description}: {pictures[name]}")
         if name in TABLES:
             summary = TABLES[name](logs)
             tables[name] = out / f"{name}.md"

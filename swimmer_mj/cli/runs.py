@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json as json_module
 import os
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_type_hints
 
 from tyro.conf import Positional
 
-from swimmer_mj.cli.output import make_console, print_evaluation, print_json
+from swimmer_mj.cli.output import make_console, print_evaluation, print_json, print_line, status
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 __all__ = [
     "Which",
     "evaluate",
     "evaluate_run",
+    "first_policy_directory",
     "free_directory",
     "info",
     "policy_directories",
@@ -46,7 +51,7 @@ def evaluate(
     directories = policy_directories(run)
     results = []
     for directory in directories:
-        with console.status(f"evaluating {directory}"):
+        with status(console, f"evaluating {directory}"):
             results.append(evaluate_run(directory, which, episodes))
         print_evaluation(console, results[-1])
     if len(results) == 1:
@@ -114,37 +119,47 @@ def info(run: Positional[Path | None] = None, json: bool = False) -> None:
     """What this package offers, or what a run is and how far it has come.
 
     Args:
-        run: Run directory or name of a pretrained policy, if any.
+        run: Run directory or name of a pretrained policy, if any; with several seeds in it, each is described.
         json: Print one JSON object.
     """
-    import swimmer_mj
-
-    facts: dict[str, Any]
     if run is None:
-        from swimmer_mj.learning.pretrained import pretrained_names
-
-        facts = {
-            "version": swimmer_mj.__version__,
-            "tasks": [f"{kind}{n}" for kind in ("swim", "steer") for n in (3, 4, 5)],
-            "problems": ["swim", "pendulum"],
-            "pretrained": list(pretrained_names()),
-            "paper": "R. Coulom (2002), Feedforward Neural Networks in Reinforcement Learning Applied to "
-            "High-dimensional Motor Control",
-            "parameters": dataclasses.asdict(swimmer_mj.PAPER),
-        }
+        facts = _package_facts()
     else:
-        from swimmer_mj.learning.trainer import load_policy
-
-        _, config, checkpoint = load_policy(policy_directories(run)[0])
-        facts = {
-            "run": str(run),
-            "config": config.to_json(),
-            "best": {key: checkpoint[key] for key in ("trial", "seconds", "speed", "mean_value")},
-        }
+        runs = [_run_facts(directory) for directory in policy_directories(run)]
+        facts = {**runs[0], "run": str(run)} if len(runs) == 1 else {"run": str(run), "runs": runs}
     console = make_console(json)
     console.print_json(json_module.dumps(facts))
     if json:
         print_json(facts)
+
+
+def _package_facts() -> dict[str, Any]:
+    """What this package offers."""
+    import swimmer_mj
+    from swimmer_mj.learning.pretrained import pretrained_names
+    from swimmer_mj.learning.trainer import TrainConfig
+
+    return {
+        "version": swimmer_mj.__version__,
+        "tasks": list(swimmer_mj.SUITE),
+        "problems": list(get_args(get_type_hints(TrainConfig)["problem"])),
+        "pretrained": list(pretrained_names()),
+        "paper": "R. Coulom (2002), Feedforward Neural Networks in Reinforcement Learning Applied to "
+        "High-dimensional Motor Control",
+        "parameters": dataclasses.asdict(swimmer_mj.PAPER),
+    }
+
+
+def _run_facts(directory: Path) -> dict[str, Any]:
+    """What the run in ``directory`` is, and how far it has come."""
+    from swimmer_mj.learning.trainer import load_policy
+
+    _, config, checkpoint = load_policy(directory)
+    return {
+        "run": str(directory),
+        "config": config.to_json(),
+        "best": {key: checkpoint[key] for key in ("trial", "seconds", "speed", "mean_value")},
+    }
 
 
 def run_directories(path: Path) -> list[Path]:
@@ -165,13 +180,24 @@ def policy_directories(path: Path) -> list[Path]:
     """:func:`run_directories`, or the pretrained policy of that name: to be read, not to be resumed."""
     from swimmer_mj.learning.pretrained import pretrained_directory, pretrained_names
 
-    if path.exists():
-        return run_directories(path)
-    if str(path) in pretrained_names():
+    names = pretrained_names()
+    if str(path) in names:
+        with contextlib.suppress(FileNotFoundError):  # also where there are only pictures of the policy
+            return run_directories(path)
         return [pretrained_directory(str(path))]
-    raise FileNotFoundError(
-        f"{path} is not a run directory, nor is it one of the pretrained policies {', '.join(pretrained_names())}"
-    )
+    if not path.exists():
+        raise FileNotFoundError(
+            f"{path} is not a run directory, nor is it one of the pretrained policies {', '.join(names)}"
+        )
+    return run_directories(path)
+
+
+def first_policy_directory(path: Path, console: Console) -> Path:
+    """The first of :func:`policy_directories`; of several, a line says which."""
+    first, *others = policy_directories(path)
+    if others:
+        print_line(console, f"{path} holds {len(others) + 1} runs; the first is taken: {first}")
+    return first
 
 
 def free_directory(path: Path) -> Path:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import re
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from swimmer_mj.cli.output import live_display, make_console, make_table, print_json
+from swimmer_mj.cli.options import check_seed
+from swimmer_mj.cli.output import live_display, make_console, make_table, print_json, print_line
 from swimmer_mj.cli.runs import run_directories
 
 if TYPE_CHECKING:
@@ -27,7 +29,7 @@ def train(
     seeds: str | None = None,
     trials: int | None = None,
     seconds: float | None = None,
-    links: int = 5,
+    links: int | None = None,
     resume: bool = False,
     problem: Literal["swim", "pendulum"] = "swim",
     physics: Literal["analytic", "mujoco"] = "analytic",
@@ -51,7 +53,7 @@ def train(
         seeds: Several seeds instead, trained side by side: 0-7, or 1,4,9.
         trials: Stop at the first evaluation with at least this many trials.
         seconds: Stop after this many seconds. The default is 100,000 trials.
-        links: Number of links.
+        links: Number of links of the swimmer; 5 by default, as in the paper.
         resume: Go on with the run that is in the directory, as it was configured.
         problem: What to learn.
         physics: Step the equations themselves, or the dm_control environment on MuJoCo (slower).
@@ -68,20 +70,27 @@ def train(
         evaluate_every: Trials, of 5 s of simulated time, between evaluations; 2,000 by default for td, else 1,000.
         json: Print one JSON object.
     """
+    typed = _typed(locals())
+    check_seed(seed)
     if seeds is not None and seed != 0:
         raise ValueError(f"give --seed or --seeds, not both (got {seed} and {seeds})")
     for name, value in (("--trials", trials), ("--seconds", seconds)):
         if value is not None and not value > 0:
             raise ValueError(f"{name} must be positive, got {value}")
     chosen = [seed] if seeds is None else parse_seeds(seeds)
-
+    if resume and (superfluous := typed - {"--out", "--resume", "--trials", "--seconds", "--json"}):
+        raise ValueError(
+            f"--resume goes on with the run's own configuration: leave out {', '.join(sorted(superfluous))}"
+        )
+    if links is not None and problem != "swim":
+        raise ValueError(f"--links is for --problem swim, got --links {links} with --problem {problem}")
     if method == "value-gradient" and (eta is not None or vario_eta):
         raise ValueError(f"--{'vario-eta' if vario_eta else 'eta'} is for --method td")
 
     from swimmer_mj.learning.continuous_td import TDSettings
-    from swimmer_mj.learning.trainer import TrainConfig, TrainingRun, value_gradient_config
+    from swimmer_mj.learning.trainer import CONFIG, TrainConfig, TrainingRun, value_gradient_config
     from swimmer_mj.learning.vario_eta import VarioEta
-    from swimmer_mj.parameters import SwimmerParameters
+    from swimmer_mj.parameters import PAPER, SwimmerParameters
 
     td = TDSettings(
         eta=0.04 if eta is None else eta,
@@ -96,7 +105,7 @@ def train(
     config = dataclasses.replace(
         config,
         problem=problem,
-        parameters=SwimmerParameters(n_links=links),
+        parameters=PAPER if links is None else SwimmerParameters(n_links=links),
         td=td,
         dtype=dtype,
         device=device,
@@ -106,16 +115,16 @@ def train(
         **{name: value for name, value in given.items() if value is not None or name == "layers"},
     )
     if resume:
-        default = TrainConfig()
-        fields = [
-            f.name for f in dataclasses.fields(config) if getattr(config, f.name) != getattr(default, f.name)
-        ]
-        if fields or seed or seeds:
-            named = ", ".join(fields or ["seed"])
-            raise ValueError(f"--resume goes on with the run's own configuration: leave out {named}")
         runs = [TrainingRun(directory, resume=True) for directory in run_directories(out)]
     else:
         directories = [out] if seeds is None else [out / f"seed-{s}" for s in chosen]
+        for directory in directories:  # all of them before the first is written to
+            if directory.exists() and not directory.is_dir():
+                raise NotADirectoryError(f"{directory} is a file; choose another directory with --out")
+            if (directory / CONFIG).exists():
+                raise FileExistsError(
+                    f"{directory} already holds a run; resume it, or choose another directory with --out"
+                )
         runs = [
             TrainingRun(directory, dataclasses.replace(config, seed=s))
             for directory, s in zip(directories, chosen, strict=True)
@@ -125,13 +134,24 @@ def train(
     console = make_console(json)
     train_runs(console, runs, trials=trials, seconds=seconds)
     results = [
-        {"run": str(r.directory), "seed": r.config.seed, "trials": r.trial, "best_speed": r.best_speed}
-        if r.history
-        else {"run": str(r.directory), "seed": r.config.seed, "trials": 0, "best_speed": None}
+        {
+            "run": str(r.directory),
+            "seed": r.config.seed,
+            "trials": r.history[-1].trial if r.history else 0,  # what was learned after it is not kept
+            "best_speed": r.best_speed if r.history else None,
+        }
         for r in runs
     ]
     if json:
         print_json({"runs": results})
+
+
+def _typed(values: dict[str, Any]) -> set[str]:
+    """The options among the arguments ``values`` of :func:`train` that have another value than their default."""
+    parameters = inspect.signature(train).parameters
+    return {
+        f"--{name.replace('_', '-')}" for name, value in values.items() if value != parameters[name].default
+    }
 
 
 def train_runs(
@@ -144,6 +164,7 @@ def train_runs(
 ) -> None:
     """Train ``runs`` together, with a live table on a terminal and a line an evaluation elsewhere."""
     import torch
+    from rich.markup import escape
 
     from swimmer_mj.learning.trainer import train_together
 
@@ -155,7 +176,7 @@ def train_runs(
     def table() -> Any:
         drawn = make_table(None, columns)
         for row in news.values():
-            drawn.add_row(*(row.get(column, "") for column in columns))
+            drawn.add_row(*(escape(row.get(column, "")) for column in columns))
         return drawn
 
     with live_display(console, table) as live:
@@ -173,7 +194,7 @@ def train_runs(
                 row["best"] = f"{report.run.best_speed:.3f} m/s"
                 if live is None:
                     line = "  ".join(f"{column} {row[column]}" for column in columns if column in row)
-                    console.print(line, soft_wrap=True)
+                    print_line(console, line)
 
         train_together(runs, trials=trials, seconds=seconds, enough=enough, report=report)
 

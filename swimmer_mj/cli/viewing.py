@@ -10,8 +10,9 @@ from typing import Any, Literal
 
 from tyro.conf import Positional
 
-from swimmer_mj.cli.output import make_console
-from swimmer_mj.cli.runs import Which, policy_directories
+from swimmer_mj.cli.options import check_seed
+from swimmer_mj.cli.output import make_console, print_line
+from swimmer_mj.cli.runs import Which, first_policy_directory
 
 __all__ = ["lacks_screen", "view"]
 
@@ -30,6 +31,7 @@ def view(
         which: The weights that were fastest while training, or the last.
         seed: Of initial states and random torques.
     """
+    check_seed(seed)
     if lack := lacks_screen():
         instead = f"swimmer-mj render {run or 'RUN'}"
         raise ValueError(f"view needs a screen and {lack}; for a video without one: {instead}")
@@ -54,12 +56,13 @@ def lacks_screen() -> str | None:
 
 def _open_viewer(task: str, run: Path | None, which: Which, seed: int) -> None:
     """Open the viewer, until its window is closed; the backend is chosen before."""
+    console = make_console(False)
     policy, config = None, None
     if run is not None:
         from swimmer_mj.learning.policy import SwimmingPolicy
         from swimmer_mj.learning.trainer import load_policy
 
-        (directory,) = policy_directories(run)[:1]
+        directory = first_policy_directory(run, console)
         greedy, config, _ = load_policy(directory, which)
         if config.problem != "swim":
             raise ValueError(f"{directory} learned {config.problem!r}; only swimmers are shown")
@@ -88,9 +91,7 @@ def _open_viewer(task: str, run: Path | None, which: Which, seed: int) -> None:
                 window = Application(title=f"{task}: {run or 'random torques'}")
         except RuntimeError as error:
             raise ValueError(f"view needs a screen with OpenGL: {error}") from None
-        make_console(False).print(
-            "Space: start, pause. [: follow the swimmer. Backspace: anew. F1: all keys.", markup=False
-        )
+        print_line(console, "Space: start, pause. [: follow the swimmer. Backspace: anew. F1: all keys.")
         window.launch(env, policy=act)
     finally:
         env.physics.free()

@@ -12,6 +12,7 @@ solved stably in arithmetic of precision eps, give a relative error of at most a
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
@@ -95,5 +96,7 @@ def physics_report(seed: int = 0, n_states: int = 50) -> list[Check]:
 
 
 def callback_self_test() -> Check:
-    """Check that the callback acts in this installation: the rod that glides sideways."""
-    return closed_forms(STATEMENTS[1:2]).checks[0]
+    """Check that the callback acts in this installation, by one rod: the worst of its three motions."""
+    checks = closed_forms(STATEMENTS[1:2]).checks
+    worst = max(checks, key=lambda check: (not check.passed, check.error / check.tolerance))
+    return dataclasses.replace(worst, name=f"worst of {len(checks)} motions of one rod: {worst.name}")

@@ -11,11 +11,13 @@ from swimmer_mj import state as st
 from swimmer_mj.analytic import AnalyticSwimmer
 from swimmer_mj.arbiter import LagrangianSwimmer
 from swimmer_mj.dynamics import MujocoSwimmer
+from swimmer_mj.mjcf import Friction
 from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = [
     "ARBITER",
     "EPS",
+    "FRICTIONS",
     "STATEMENTS",
     "random_parameters",
     "random_states",
@@ -26,7 +28,9 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-STATEMENTS = ("A.3", "MuJoCo + callback", "MuJoCo + actuators")
+FRICTIONS: dict[str, Friction] = {"MuJoCo + callback": "callback", "MuJoCo + actuators": "actuators"}
+"""How the statements by MuJoCo have their friction."""
+STATEMENTS = ("A.3", *FRICTIONS)
 ARBITER = "Lagrange"
 
 EPS = float(np.finfo(np.float64).eps)
@@ -37,8 +41,7 @@ def statements(parameters: SwimmerParameters) -> dict[str, Any]:
     """The three statements of a swimmer's dynamics and their arbiter, by name."""
     return {
         "A.3": AnalyticSwimmer(parameters),
-        "MuJoCo + callback": MujocoSwimmer(parameters, "callback"),
-        "MuJoCo + actuators": MujocoSwimmer(parameters, "actuators"),
+        **{name: MujocoSwimmer(parameters, friction) for name, friction in FRICTIONS.items()},
         ARBITER: LagrangianSwimmer(parameters),
     }
 

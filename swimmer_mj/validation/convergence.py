@@ -54,8 +54,8 @@ def trajectories(
     """Compare ``duration`` seconds, for each integrator, with a tight solution of the arbiter's equations."""
     swimmers = statements(parameters)
     x = st.expand(parameters, rng.uniform(-1, 1, st.reduced_size(parameters.n_links)))
-    controls = random_torques(rng, parameters, 25)  # each held for 0.2 s
-    interval = duration / len(controls)
+    controls = random_torques(rng, parameters, 25)
+    interval = duration / len(controls)  # s, for which each is held
     reference = reference_states(swimmers[ARBITER], x, controls, interval)
     size = np.linalg.norm(reference, axis=-1).max()
     checks, curves = [], []

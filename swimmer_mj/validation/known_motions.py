@@ -11,11 +11,11 @@ from swimmer_mj import state as st
 from swimmer_mj.analytic import AnalyticSwimmer
 from swimmer_mj.arbiter import LagrangianSwimmer
 from swimmer_mj.integrators import rk4_step
-from swimmer_mj.mjcf import Friction
 from swimmer_mj.parameters import SwimmerParameters
 from swimmer_mj.validation.cases import (
     ARBITER,
     EPS,
+    FRICTIONS,
     STATEMENTS,
     random_parameters,
     random_states,
@@ -37,9 +37,8 @@ def _rod_states(name: str, x: Array, duration: float) -> Array:
     """States of :data:`_ROD` every 0.01 s by RK4."""
     controls = np.zeros((round(duration / 0.01), 0))
     steps = round(0.01 / _ROD_STEP)
-    if name in ("MuJoCo + callback", "MuJoCo + actuators"):
-        friction: Friction = "callback" if name == "MuJoCo + callback" else "actuators"
-        return mujoco_states(_ROD, friction, "RK4", x, controls, steps, _ROD_STEP)
+    if name in FRICTIONS:
+        return mujoco_states(_ROD, FRICTIONS[name], "RK4", x, controls, steps, _ROD_STEP)
     swimmer = AnalyticSwimmer(_ROD) if name == "A.3" else LagrangianSwimmer(_ROD)
     return states_by(rk4_step, swimmer, x, controls, steps, _ROD_STEP)
 
@@ -89,8 +88,7 @@ def limits(rng: np.random.Generator) -> Section:
             if name == "A.3":
                 ends.append(states_by(rk4_step, AnalyticSwimmer(swimmer), x, u, 100, 0.01)[-1])
             else:
-                friction: Friction = "callback" if name == "MuJoCo + callback" else "actuators"
-                ends.append(mujoco_states(swimmer, friction, "RK4", x, u, 100, 0.01)[-1])
+                ends.append(mujoco_states(swimmer, FRICTIONS[name], "RK4", x, u, 100, 0.01)[-1])
         errors += [float(np.linalg.norm(end - ends[0])) for end in ends[1:]]
         order = measured_order(errors, 10)
         checks.append(

@@ -62,11 +62,12 @@ def symmetry_errors(
     mirror = st.join([1, -1], np.full(n, -1), [1, -1], np.full(n, -1))
     backward = SwimmerParameters(
         n,
-        parameters.mass[::-1],  # pyright: ignore[reportIndexIssue]
-        parameters.length[::-1],  # pyright: ignore[reportIndexIssue]
+        parameters.masses[::-1].tolist(),
+        parameters.lengths[::-1].tolist(),
         parameters.viscous_friction,
-        parameters.torque_limit[::-1],  # pyright: ignore[reportIndexIssue]
+        parameters.torque_limits[::-1].tolist(),
     )
+    backward_swimmers = statements(backward)
     scale, rounding = scales(swimmers[ARBITER], x, u)
     _, moved_rounding = scales(swimmers[ARBITER], moved, u)
     errors: dict[str, dict[str, Array]] = {}
@@ -77,7 +78,7 @@ def symmetry_errors(
             ("translation", swimmer.derivative(moved, u), f),
             ("rotation", swimmer.derivative(turned, u), _turn(f, n, angle)),
             ("reflection", swimmer.derivative(mirror * x, -u), mirror * f),
-            ("counting from the other end", statements(backward)[name].derivative(end, -u[:, ::-1]), end_f),
+            ("counting from the other end", backward_swimmers[name].derivative(end, -u[:, ::-1]), end_f),
         ):
             errors.setdefault(symmetry, {})[name] = np.linalg.norm(found - expected, axis=-1) / scale
     return errors, 2 * np.maximum(rounding, moved_rounding)

@@ -182,5 +182,5 @@ def test_steps_converge_with_their_order(step, order, rng):
 
 
 def test_refuses_torques_of_the_wrong_size():
-    with pytest.raises(ValueError, match="u must have 4 values on its last axis"):
+    with pytest.raises(ValueError, match="the torques u of 5 links must have 4 values on the last axis"):
         AnalyticSwimmer(PAPER).derivative(np.zeros(14), np.zeros(5))

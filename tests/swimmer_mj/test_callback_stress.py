@@ -84,7 +84,7 @@ def test_a_model_compiles_in_a_scope_as_outside():
 
 @pytest.fixture
 def counting():
-    """A user's compiled callback that counts its calls on each of two kinds of models."""
+    """A user's compiled callback that counts its calls."""
     calls = np.zeros(1)
     address = calls.ctypes.data
 

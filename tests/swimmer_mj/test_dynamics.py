@@ -91,7 +91,7 @@ def test_a_call_leaves_no_callback(swimmer):
 
 @pytest.mark.parametrize(("x", "u"), [((11,), (2,)), ((10,), (3,)), ((10,), ())])
 def test_refuses_wrong_shapes(swimmer, x, u):
-    with pytest.raises(ValueError, match="on its last axis"):
+    with pytest.raises(ValueError, match="on the last axis"):
         swimmer.derivative(np.zeros(x), np.zeros(u))
 
 

@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode
 
 import swimmer_mj.gymnasium
 from swimmer_mj import SwimmerParameters
+from swimmer_mj.vector import SwimmerVectorEnv
 
 IDS = [id for id in gymnasium.registry if id.startswith("swimmer_mj/")]
 SWIM5, STEER3 = "swimmer_mj/Swim5-v0", "swimmer_mj/Steer3-v0"
@@ -212,13 +213,67 @@ def test_given_initial_states(make):
     ("kwargs", "message"),
     [
         ({"task": "swim6"}, "no task 'swim6'"),
-        ({"frame_skip": 0}, "frame_skip must be at least 1, got 0"),
+        ({"frame_skip": 0}, "frame_skip must be an integer of at least 1, got 0"),
+        ({"frame_skip": 1.5}, r"frame_skip must be an integer of at least 1, got 1\.5"),
+        ({"width": 2000}, "width must be an integer from 1 to 1280, got 2000"),
+        ({"width": 0}, "width must be an integer from 1 to 1280, got 0"),
+        ({"height": 721}, "height must be an integer from 1 to 720, got 721"),
+        ({"camera_name": "side"}, "camera_name must be one of tracking, top; got 'side'"),
         ({"params": SwimmerParameters(n_links=4)}, "for 5 links, and params has 4"),
     ],
 )
 def test_bad_arguments(make, num_envs, kwargs, message):
     with pytest.raises(ValueError, match=message):
         make(SWIM5, num_envs, **kwargs)
+
+
+def test_the_largest_frame_and_the_cameras_are_the_models(make):
+    model = make(SWIM5).unwrapped.physics.model
+    largest = model.vis.global_.offwidth, model.vis.global_.offheight
+    assert largest == swimmer_mj.gymnasium._LARGEST_FRAME
+    assert {model.camera(i).name for i in range(model.ncam)} == {*swimmer_mj.gymnasium._CAMERAS}
+
+
+@pytest.mark.parametrize("steps", [0, -2])
+def test_an_episode_has_a_step_or_no_end(make, steps):
+    with pytest.raises(
+        ValueError, match=f"max_episode_steps must be at least 1, or -1 for never; got {steps}"
+    ):
+        make(SWIM5, 2, max_episode_steps=steps)
+
+
+@pytest.mark.parametrize("num_envs", [0, -1, 1.5])
+def test_a_vector_has_an_environment(num_envs):
+    with pytest.raises(ValueError, match=f"num_envs must be an integer of at least 1, got {num_envs}"):
+        SwimmerVectorEnv("swim5", num_envs)
+
+
+def test_a_step_before_the_first_reset_is_refused():
+    env = swimmer_mj.gymnasium.SwimmerEnv("swim5")
+    action = np.zeros(4, np.float32)
+    with pytest.raises(ResetNeeded, match=r"call reset\(\) before the first step\(\)"):
+        env.step(action)
+    env.reset()
+    assert type(env.step(action)[1]) is float
+    env.close()
+
+
+def test_a_closed_vector_has_freed_its_simulations_and_threads():
+    code = """
+import os
+from swimmer_mj.vector import SwimmerVectorEnv
+for _ in range(2):  # the first leaves what libraries keep
+    before = len(os.listdir("/proc/self/task"))
+    envs = SwimmerVectorEnv("swim3", 64, nthread=8)
+    envs.reset()
+    running = len(os.listdir("/proc/self/task"))
+    simulations = weakref.ref(envs._batch)
+    envs.close()
+    envs.close()
+    envs.close_extras()
+    print(running - before, len(os.listdir("/proc/self/task")) - before, simulations())
+"""
+    assert output_of(f"import weakref{code}")[1] == "7 0 None"
 
 
 def test_bad_render_mode():

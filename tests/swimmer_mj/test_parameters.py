@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -64,6 +65,19 @@ def test_allows_no_friction():
 def test_refuses_wrong_lengths(name, wrong):
     with pytest.raises(ValueError, match=f"{name} must be a scalar or have"):
         SwimmerParameters(3, **{name: [1.0] * wrong})
+
+
+def test_another_number_of_links_says_where_to_get_its_parameters():
+    message = (
+        r"mass must be a scalar or have 3 values, one per link; got 5: \(1\.0, .*\) "
+        r"\(SwimmerParameters\(n_links=3\) has the paper's\)$"
+    )
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(PAPER, n_links=3)
+    with pytest.raises(ValueError, match=r"have 2 values, one per joint; got 4: .*n_links=3\)"):
+        SwimmerParameters(3, torque_limit=PAPER.torque_limit)
+    with pytest.raises(ValueError, match=r"one per link; got shape \(1, 3\): "):
+        SwimmerParameters(3, mass=np.ones((1, 3)))
 
 
 @pytest.mark.parametrize("name", ["mass", "length", "viscous_friction", "torque_limit"])

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from swimmer_mj import analytic, dynamics, mjcf, viscous
-from swimmer_mj.validation import ARBITER, STATEMENTS, accelerations, cases
+from swimmer_mj.validation import ARBITER, STATEMENTS, accelerations, bystanders, cases, other_models
 
 _FILE = Path(__file__).parents[2] / "benchmarks" / "planted_errors.py"
-PLANTED_ERRORS = runpy.run_path(str(_FILE))["PLANTED_ERRORS"]
+_PLANTED = runpy.run_path(str(_FILE))["PLANTED_ERRORS"]
+PLANTED_ERRORS = [error for error in _PLANTED if not error.only]
 
 # Where the comparison looks the statements up
 _USES = {
@@ -38,6 +39,12 @@ def spoilt(module, error):
 def test_a_sign_a_factor_and_an_index_are_planted_in_each_statement():
     planted = {(error.statement, error.kind) for error in PLANTED_ERRORS}
     assert planted == {(s, kind) for s in STATEMENTS for kind in ("sign", "factor 2", "index")}
+
+
+def test_a_friction_that_acts_on_every_model_is_found_beside_a_swimmer(monkeypatch):
+    (error,) = (error for error in _PLANTED if error.only)
+    monkeypatch.setattr(bystanders, "viscous_friction", spoilt(viscous, error).viscous_friction)
+    assert [check.name for check in other_models().checks if not check.passed] == [error.only]
 
 
 @pytest.mark.parametrize("number", range(len(PLANTED_ERRORS)))

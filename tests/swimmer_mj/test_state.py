@@ -5,6 +5,7 @@ from hypothesis import strategies as some
 from hypothesis.extra import numpy as some_arrays
 
 from swimmer_mj import state as st
+from swimmer_mj.parameters import SwimmerParameters
 from swimmer_mj.validation import random_parameters
 
 sizes = some.integers(1, 8)
@@ -43,7 +44,15 @@ def test_links_join_and_have_their_lengths(n, seed):
     ends = st.joint_positions(parameters, x)
     np.testing.assert_array_equal(ends[0], x[:2])
     np.testing.assert_allclose(np.linalg.norm(np.diff(ends, axis=0), axis=1), parameters.lengths, rtol=1e-12)
-    np.testing.assert_allclose(st.link_centers(parameters, x), (ends[1:] + ends[:-1]) / 2, atol=1e-12)
+
+
+def test_a_chain_by_hand():
+    """Links of 2, 1 and 4 m, to the right, up and to the left, from (1, 2)."""
+    parameters = SwimmerParameters(3, length=[2.0, 1.0, 4.0])
+    x = st.join([1.0, 2.0], [0.0, np.pi / 2, np.pi], [0.0, 0.0], np.zeros(3))
+    joints = [[1, 2], [3, 2], [3, 3], [-1, 3]]
+    np.testing.assert_allclose(st.joint_positions(parameters, x), joints, atol=1e-15)
+    np.testing.assert_allclose(st.link_centers(parameters, x), [[2, 2], [3, 2.5], [1, 3]], atol=1e-15)
 
 
 @given(sizes, seeds)
@@ -79,5 +88,5 @@ def test_rotation_turns_and_turns_back(vectors, angle):
 
 @pytest.mark.parametrize("shape", [(), (13,), (3, 15)])
 def test_refuses_states_of_the_wrong_size(shape):
-    with pytest.raises(ValueError, match="must have 14 values on its last axis"):
+    with pytest.raises(ValueError, match="must have 14 values on the last axis"):
         st.split(np.zeros(shape), 5)

@@ -240,6 +240,38 @@ def test_steering_is_swimming_in_a_turned_world():
             np.testing.assert_allclose(turned.observation[key], straight.observation[key], atol=1e-11)
 
 
+@pytest.mark.parametrize("friction", ["callback", "actuators"])
+def test_a_reset_of_the_physics_keeps_the_target_direction(friction):
+    env = load("steer5", {"random": 5, "friction": friction})
+    env.reset()
+    physics = env.physics
+    direction = physics.target_direction()
+    assert abs(direction) > 0.1
+    x = st.expand(PAPER, random_reduced_state(5))
+    x[:2] += [3.0, 4.0]
+
+    def check():
+        assert physics.target_direction() == direction
+        mark = physics.named.data.xpos["target"][:2] - physics.center_of_mass()
+        np.testing.assert_allclose(mark, 3.2 * np.array([np.cos(direction), np.sin(direction)]), atol=1e-12)
+
+    physics.reset()
+    check()
+    with physics.reset_context():
+        physics.set_state_vector(x)
+        physics.move_target_mark(physics.center_of_mass())
+    check()
+    action = [1, -1, 1, -1]
+    velocity = physics.center_of_mass()
+    reward = env.step(action).reward
+    velocity = (physics.center_of_mass() - velocity) / 0.01
+    assert reward == pytest.approx(velocity @ [np.cos(direction), np.sin(direction)], abs=1e-12)
+    again = load("steer5", {"random": 5, "friction": friction})
+    again.reset()
+    np.testing.assert_array_equal(env.reset().observation["angles"], again.reset().observation["angles"])
+    assert physics.target_direction() == again.physics.target_direction() != direction
+
+
 def test_steering_draws_directions_all_around():
     env = load("steer3", {"random": 0})
     directions = []
@@ -344,6 +376,22 @@ def test_both_statements_of_the_friction_give_one_task():
         for one, other in zip(*(step.observation.values() for step in steps), strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10)
         assert steps[0].reward == pytest.approx(steps[1].reward, abs=1e-10)
+
+
+def test_after_a_reset_the_friction_by_actuators_is_in_force_and_the_motors_are_not():
+    callback, actuators = (load("swim5", {"random": 3, "friction": f}) for f in ("callback", "actuators"))
+    x = st.expand(PAPER, random_reduced_state(5))
+    vacuum = AnalyticSwimmer(SwimmerParameters(viscous_friction=0.0)).drift(x)[-7:]
+    for physics in (callback.physics, actuators.physics):
+        with physics.reset_context():
+            physics.set_state_vector(x)
+            physics.set_control([1, -1, 1, -1])
+        found = np.concatenate([physics.data.qacc[:2], physics.data.qacc[2:].cumsum()])
+        np.testing.assert_allclose(found, AnalyticSwimmer().drift(x)[-7:], rtol=1e-10)
+        assert np.abs(found - vacuum).max() > 1
+        np.testing.assert_array_equal(physics.control(), [1, -1, 1, -1])
+        physics.reset()
+        np.testing.assert_allclose(physics.data.qacc, 0, atol=1e-12)
 
 
 def test_friction_by_actuators_leaves_the_callback_alone_and_survives_copies():

@@ -76,6 +76,27 @@ def test_load_refuses_other_files(tmp_path):
         Trajectory.load(tmp_path / "absent.npz")
 
 
+def test_load_refuses_damaged_files(tmp_path):
+    """Whichever byte is spoilt: the file is refused, or says the same where the byte did not matter."""
+    path = tmp_path / "episode.npz"
+    saved = record(steps=1)
+    saved.save(path)
+    content, refused = path.read_bytes(), 0
+    for place in range(len(content)):
+        path.write_bytes(content[:place] + bytes([content[place] ^ 0xFF]) + content[place + 1 :])
+        try:
+            loaded = Trajectory.load(path)
+        except ValueError as error:
+            assert f"{path} is not a saved trajectory: " in str(error)  # noqa: PT017
+            refused += 1
+        else:
+            np.testing.assert_array_equal(loaded.states, saved.states)
+    assert refused > len(content) / 2
+    path.write_bytes(content[: len(content) // 2])
+    with pytest.raises(ValueError, match="is not a saved trajectory"):
+        Trajectory.load(path)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -1,9 +1,10 @@
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
-from swimmer_mj import viscous
+from swimmer_mj import validation, viscous
 from swimmer_mj.validation import (
     Check,
     Section,
@@ -74,6 +75,20 @@ def test_without_the_callback_what_it_states_fails_and_nothing_else(monkeypatch)
     ]
     assert {check.worst for check in failed} == {"MuJoCo + callback"}
     assert not callback_self_test().passed
+    assert [check.name for check in other_models().checks if not check.passed] == [
+        "the swimmer beside it, drifting sideways: its friction, from -k l v of all links"
+    ]
+
+
+@pytest.mark.parametrize("spoilt", range(3))
+@pytest.mark.parametrize("error", [2.0, math.nan])
+def test_the_self_test_of_the_callback_is_its_worst_motion(monkeypatch, spoilt, error):
+    good = [Check(name, 1e-3, 1.0, "") for name in ("sideways", "along", "spinning")]
+    checks = [dataclasses.replace(c, error=error) if i == spoilt else c for i, c in enumerate(good)]
+    monkeypatch.setattr(validation, "closed_forms", lambda names: Section("", checks))
+    check = callback_self_test()
+    assert not check.passed
+    assert check.name == f"worst of 3 motions of one rod: {good[spoilt].name}"
 
 
 def test_an_error_that_is_no_number_fails_and_is_the_worst():

@@ -1,5 +1,8 @@
 import ctypes
 import gc
+import os
+import subprocess
+import sys
 import threading
 
 import mujoco
@@ -235,6 +238,24 @@ def test_works_in_mujocos_own_thread_pools():
     np.testing.assert_array_equal(batch.qpos, expected)
 
 
+def test_reads_no_array_beyond_its_end():
+    code = """
+import mujoco
+from swimmer_mj.mjcf import mjcf
+from swimmer_mj.parameters import PAPER
+from swimmer_mj.viscous import viscous_friction
+model = mujoco.MjModel.from_xml_string(mjcf(PAPER))
+data = mujoco.MjData(model)
+data.qvel[:] = 1
+with viscous_friction():
+    mujoco.mj_forward(model, data)
+print(abs(data.qfrc_passive).max() > 1)
+"""
+    environment = {**os.environ, "NUMBA_BOUNDSCHECK": "1"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("True\n", "")
+
+
 def test_scopes_nest_and_end_with_exceptions():
     with viscous_friction():
         installed = mujoco.get_mjcb_passive()
@@ -277,6 +298,59 @@ def test_is_held_as_long_as_its_owner_lives_or_until_let_go():
     gc.collect()
     assert mujoco.get_mjcb_passive() is None
     assert second is not None
+
+
+@pytest.fixture
+def collected_while_acquiring(monkeypatch):
+    """A function that makes a holder, which a garbage collection inside the next acquire() finds."""
+
+    class Owner:
+        pass
+
+    class Collecting:
+        def __getattr__(self, name):
+            return getattr(mujoco, name)
+
+        def get_mjcb_passive(self):
+            found = mujoco.get_mjcb_passive()
+            gc.collect()
+            return found
+
+    def hold_in_a_cycle():
+        owner = Owner()
+        owner.itself = owner
+        hold(owner)
+        monkeypatch.setattr(viscous, "mujoco", Collecting())
+
+    gc.disable()
+    yield hold_in_a_cycle
+    gc.enable()
+
+
+def test_the_last_holder_may_be_collected_while_another_acquires(collected_while_acquiring):
+    collected_while_acquiring()
+    model = swimmer_model()
+    data = moving_data(model)
+    _, before = viscous._compiled()
+    with viscous_friction():
+        assert before[0] == 0  # else the friction calls itself without end
+        mujoco.mj_forward(model, data)
+        assert np.abs(data.qfrc_passive).max() > 1
+    assert mujoco.get_mjcb_passive() is None
+
+
+def test_the_last_holder_may_be_collected_while_another_is_refused(collected_while_acquiring):
+    def other(model, data):
+        pass
+
+    collected_while_acquiring()
+    mujoco.set_mjcb_passive(other)
+    with pytest.raises(RuntimeError, match="was replaced while the viscous friction was in force"):
+        acquire()
+    with viscous_friction():  # none holds it any more: the other is there first
+        assert mujoco.get_mjcb_passive() is not other
+    assert mujoco.get_mjcb_passive() is other
+    mujoco.set_mjcb_passive(None)
 
 
 def test_a_users_python_callback_keeps_running():

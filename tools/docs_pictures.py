@@ -1,0 +1,71 @@
+"""The pictures of the documentation: figures of the committed logs; with the name of a policy, the README's two.
+
+    python tools/docs_pictures.py
+    python tools/docs_pictures.py swim5-paper
+
+The policy is seen from above for 13 s; the target direction is reversed after 5 s, as in figure 3 of the paper.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import imageio.v3 as iio
+from PIL import Image
+
+from swimmer_mj.files import replacing
+from swimmer_mj.learning.evaluation import evaluation_states, record_episode
+from swimmer_mj.learning.experiments import LOGS
+from swimmer_mj.learning.pretrained import pretrained_directory
+from swimmer_mj.learning.trainer import load_policy
+from swimmer_mj.render.figures import save_figure
+from swimmer_mj.render.reproduction import FIGURES
+from swimmer_mj.render.strip import film_strip
+from swimmer_mj.render.video import frames
+
+IMAGES = Path(__file__).parents[1] / "docs" / "images"
+COLORS = 256
+"""Of a picture: enough for lines and bands, and a third of the size."""
+FPS = 12
+ANIMATED = 8.0
+"""How much of the episode is in the animation, s."""
+
+
+def few_colors(image: Image.Image) -> Image.Image:
+    """The picture with a palette."""
+    return image.convert("RGB").quantize(COLORS, dither=Image.Dither.NONE)
+
+
+def draw_figures() -> None:
+    """Every figure that ``swimmer-mj figures`` draws."""
+    for name, draw in FIGURES.items():
+        path = IMAGES / f"{name}.png"
+        save_figure(draw(LOGS), path, dpi=110)
+        with replacing(path) as partial:
+            few_colors(Image.open(path)).save(partial, format="PNG", optimize=True)
+
+
+def draw_policy(name: str) -> None:
+    """Film strip and animation of the pretrained policy ``name``."""
+    policy, config, _ = load_policy(pretrained_directory(name))
+    trajectory = record_episode(
+        policy,
+        config.parameters,
+        evaluation_states(config.parameters.n_links)[0],
+        13.0,
+        lambda now: 0.0 if now < 5.0 - 1e-9 else math.pi,
+    )
+    save_figure(film_strip(trajectory), IMAGES / "film-strip.png")
+    shown = list(frames(trajectory, width=480, height=270, fps=FPS))[: round(ANIMATED * FPS)]
+    with replacing(IMAGES / "swimmer.gif") as partial:
+        pictures = [few_colors(Image.fromarray(frame)).convert("RGB") for frame in shown]
+        iio.imwrite(partial, pictures, extension=".gif", duration=1000 / FPS, loop=0)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        draw_policy(sys.argv[1])
+    else:
+        draw_figures()
