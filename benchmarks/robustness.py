@@ -34,7 +34,7 @@ from swimmer_mj.learning.evaluation import (
     N_EPISODES,
     SETTLING_TIME,
     evaluation_states,
-    mean_and_interval,
+    mean_and_interval_text,
 )
 from swimmer_mj.learning.policy import GreedyPolicy
 from swimmer_mj.learning.trainer import load_policy
@@ -110,16 +110,14 @@ def speed_with_finer_steps(act: Callable[[Array], Array]) -> float:
 def print_table(rows: list[tuple[int, str, float]], console: Console) -> None:
     """Speed of each change, and its share of the unchanged swimmer's, seed by seed."""
     table = Table(
-        "change", "speed, m/s", "95 %", "of its own speed", "lowest", title="Swimming speed over seeds"
+        "change", "speed, m/s [95 %]", "of its own speed", "lowest", title="Swimming speed over seeds"
     )
     own = {seed: speed for seed, change, speed in rows if change == "none"}
     for change in dict.fromkeys(change for _, change, _ in rows):
         speeds = {seed: speed for seed, what, speed in rows if what == change}
-        mean, (low, high) = mean_and_interval(np.array(list(speeds.values())))
+        speed = mean_and_interval_text(np.array(list(speeds.values())), ".3f")
         shares = np.array([speed / own[seed] for seed, speed in speeds.items()])
-        table.add_row(
-            change, f"{mean:.3f}", f"{low:.3f} to {high:.3f}", f"{shares.mean():.3f}", f"{shares.min():.3f}"
-        )
+        table.add_row(change, speed, f"{shares.mean():.3f}", f"{shares.min():.3f}")
     console.print(table)
 
 

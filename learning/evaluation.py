@@ -7,6 +7,7 @@ the last 10 of 20 seconds.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -32,7 +33,9 @@ __all__ = [
     "SwimmingSpeed",
     "evaluate_swimming",
     "evaluation_states",
+    "known_interval",
     "mean_and_interval",
+    "mean_and_interval_text",
     "monte_carlo_value",
     "record_episode",
 ]
@@ -56,7 +59,7 @@ class SwimmingSpeed(NamedTuple):
     mean: float
     """m/s."""
     ci95: tuple[float, float]
-    """Bootstrap 95 % interval (BCa) of the mean over episodes, m/s."""
+    """Bootstrap 95 % interval (BCa) of the mean over episodes, m/s; nan for a single episode."""
 
 
 def evaluation_states(n_links: int, count: int = N_EPISODES) -> Array:
@@ -65,12 +68,28 @@ def evaluation_states(n_links: int, count: int = N_EPISODES) -> Array:
 
 
 def mean_and_interval(values: Array) -> tuple[float, tuple[float, float]]:
-    """Mean and its bootstrap 95 % interval (BCa, 10,000 resamples of fixed seed)."""
+    """Mean and its bootstrap 95 % interval (BCa, 10,000 resamples of fixed seed), which is nan for a single value."""
     mean = float(values.mean())
+    if len(values) == 1:
+        return mean, (math.nan, math.nan)
     if np.ptp(values) == 0:
         return mean, (mean, mean)
     interval = stats.bootstrap((values,), np.mean, n_resamples=9999, rng=np.random.default_rng(0))
     return mean, (float(interval.confidence_interval.low), float(interval.confidence_interval.high))
+
+
+def known_interval(interval: tuple[float, float]) -> tuple[float, float] | None:
+    """``interval``, or None (null in JSON) where it is unknown."""
+    return None if math.isnan(interval[0]) else interval
+
+
+def mean_and_interval_text(values: Array, spec: str = ".2f") -> str:
+    """Such as "1.20 [1.10, 1.31]"; of a single value, the value alone."""
+    mean, interval = mean_and_interval(values)
+    if known_interval(interval) is None:
+        return f"{mean:{spec}}"
+    low, high = interval
+    return f"{mean:{spec}} [{low:{spec}}, {high:{spec}}]"
 
 
 def evaluate_swimming(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimmer_mj.learning.continuous_td import TDSettings
-from swimmer_mj.learning.evaluation import mean_and_interval
+from swimmer_mj.learning.evaluation import mean_and_interval_text
 from swimmer_mj.learning.experiments import long_runs, section_3_3, what_decides
 from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where
 
@@ -47,14 +47,6 @@ class Summary(NamedTuple):
         """The table in Markdown, without its title."""
         lines = [self.header, ("---",) * len(self.header), *self.rows]
         return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
-
-
-def _with_interval(values: Array, digits: int = 2) -> str:
-    """Mean and, of several values, its bootstrap 95 % interval."""
-    if len(values) == 1:
-        return f"{values[0]:.{digits}f}"
-    mean, (low, high) = mean_and_interval(values)
-    return f"{mean:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
 
 
 # Long runs ---------------------------------------------------------------------------------------------------------
@@ -127,12 +119,12 @@ def learning_times(name: str, logs: Logs = LOGS) -> Summary:
         rows.append(
             (
                 f"eta {eta:g}, {len(runs)} seeds, {min(run.trials for run in runs) / 1e6:g} million trials",
-                _with_interval(np.array([run.peak for run in runs])),
+                mean_and_interval_text(np.array([run.peak for run in runs])),
                 *(
                     _trials_and_hours(trials_to(table, preset, share), swimmer.steps_per_s)
                     for share in (*SHARES, 1.0)
                 ),
-                _with_interval(kept),
+                mean_and_interval_text(kept),
             )
         )
     if name == "swim5":
@@ -165,7 +157,7 @@ def noise_ratios(logs: Logs = LOGS) -> Summary:
                 cell = rows_where(of_problem, trial=float(trial), n=float(n))
                 ratio = cell["output"] / cell["internal"] / n
                 seeds = len(np.unique(cell["seed"]))
-                rows.append((problem, f"{trial:,.0f}", f"{n:.0f}", str(seeds), _with_interval(ratio)))
+                rows.append((problem, f"{trial:,.0f}", f"{n:.0f}", str(seeds), mean_and_interval_text(ratio)))
     return Summary(
         "variance on connections to the output over that of internal ones, divided by n",
         ("problem", "trials", "n", "seeds", "ratio / n"),
@@ -189,7 +181,7 @@ def speeds_by_setting(logs: Logs = LOGS) -> Summary:
                 factor,
                 setting,
                 str(len(speed)),
-                _with_interval(speed),
+                mean_and_interval_text(speed),
                 f"{np.median(speed):.2f}",
                 f"{np.median(np.nan_to_num(at_end['mean_squared_hamiltonian'], nan=np.inf)):.2g}",
             )

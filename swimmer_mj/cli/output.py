@@ -88,11 +88,13 @@ def print_checks(console: Console, checks: Sequence[Any]) -> None:
 
 def print_evaluation(console: Console, result: dict[str, Any]) -> None:
     """What :func:`swimmer_mj.cli.runs.evaluate_run` found, in two lines."""
-    low, high = result["speed_ci95"]
+    episodes = f"{result['n_episodes']} episode{'s' * (result['n_episodes'] > 1)}"
+    if (interval := result["speed_ci95"]) is not None:
+        episodes = f"95 % interval over {episodes}: {interval[0]:.3f} to {interval[1]:.3f}"
     console.print(
         f"seed {result['seed']}, {result['trials']:,} trials: swimming speed "
         f"[bold]{result['speed_mean']:.3f} m/s[/bold] "
-        f"(95 % interval over {result['n_episodes']} episodes: {low:.3f} to {high:.3f})\n"
+        f"({episodes})\n"
         f"<V> {result['mean_value']:.3f} m against a mean return of {result['mean_return']:.3f} m "
         f"(root mean square error {result['value_rmse']:.3f} m), <H²> {result['mean_squared_hamiltonian']:.3f} m²/s²"
     )

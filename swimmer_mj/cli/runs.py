@@ -80,7 +80,7 @@ def evaluate_run(directory: Path, which: Which, episodes: int) -> dict[str, Any]
     """Speed of a run's policy on MuJoCo; bias and error of its V against returns, by equation 1."""
     import numpy as np
 
-    from swimmer_mj.learning.evaluation import evaluate_swimming
+    from swimmer_mj.learning.evaluation import evaluate_swimming, known_interval
     from swimmer_mj.learning.policy import SwimmingPolicy
     from swimmer_mj.learning.trainer import evaluation_sample, load_policy
     from swimmer_mj.learning.value_gradient import ValueGradientLearner
@@ -105,7 +105,7 @@ def evaluate_run(directory: Path, which: Which, episodes: int) -> dict[str, Any]
         "seed": config.seed,
         "trials": info["trial"],
         "speed_mean": speed.mean,
-        "speed_ci95": list(speed.ci95),
+        "speed_ci95": known_interval(speed.ci95),
         "n_episodes": episodes,
         "mean_value": float(sample.value.mean()),
         "mean_squared_hamiltonian": float((sample.hamiltonian**2).mean()),

@@ -4,12 +4,15 @@ import torch
 
 from swimmer_mj import state as st
 from swimmer_mj import suite
+from swimmer_mj.cli.output import make_console, print_evaluation
 from swimmer_mj.cli.runs import evaluate_run
 from swimmer_mj.integrators import rk4_step
 from swimmer_mj.learning.evaluation import (
     evaluate_swimming,
     evaluation_states,
+    known_interval,
     mean_and_interval,
+    mean_and_interval_text,
     monte_carlo_value,
     record_episode,
 )
@@ -130,14 +133,14 @@ def test_monte_carlo_value_agrees_with_the_compiled_rollout():
     assert estimate == pytest.approx(compiled, abs=2e-4)
 
 
-def test_returns_of_a_run_with_logistic_neurons_are_those_of_its_policy(tmp_path):
+def test_returns_of_a_run_with_logistic_neurons_are_those_of_its_policy(tmp_path, capsys):
     """Equation 1 as a sum over greedy RK4 steps of 0.01 s, written out here; s_gamma 25 1/s makes it 40 of them."""
     config = TrainConfig(parameters=THREE, s_gamma=25.0, neurons=8, sigmoid="logistic", dtype="float64")
     run = TrainingRun(tmp_path / "run", config)
     with torch.no_grad():
         run.network.weight.normal_(generator=torch.Generator().manual_seed(1)).mul_(run.network.connected)
     run.save(run.evaluate(0.0))
-    result = evaluate_run(run.directory, "last", 2)
+    result = evaluate_run(run.directory, "last", 1)
 
     problem, policy = run.problem, GreedyPolicy(run.problem, run.network)
     x = evaluation_sample(problem)
@@ -154,6 +157,9 @@ def test_returns_of_a_run_with_logistic_neurons_are_those_of_its_policy(tmp_path
     assert result["mean_return"] == pytest.approx(total.mean(), rel=1e-9)
     bias = policy.judge(evaluation_sample(problem)).value.mean() - total.mean()
     assert result["value_bias"] == pytest.approx(bias, rel=1e-9)
+    assert result["speed_ci95"] is None  # of a single episode
+    print_evaluation(make_console(quiet=False), result)
+    assert "m/s (1 episode)\n" in capsys.readouterr().out
 
 
 def test_mean_and_interval():
@@ -163,3 +169,13 @@ def test_mean_and_interval():
     standard_error = values.std(ddof=1) / 8
     assert (mean - low, high - mean) == pytest.approx((1.96 * standard_error,) * 2, rel=0.15)
     assert mean_and_interval(np.ones(5)) == (1.0, (1.0, 1.0))
+
+
+def test_a_single_value_has_no_interval():
+    mean, interval = mean_and_interval(np.array([0.5]))
+    assert mean == 0.5
+    assert np.isnan(interval).all()
+    assert known_interval(interval) is None
+    assert known_interval((0.1, 0.2)) == (0.1, 0.2)
+    assert mean_and_interval_text(np.array([0.5])) == "0.50"
+    assert mean_and_interval_text(np.full(3, 0.5), ".3f") == "0.500 [0.500, 0.500]"

@@ -47,3 +47,12 @@ def test_what_decides_shows_the_end_of_each_setting(tmp_path, check_whole):
     means = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o"]
     assert means == pytest.approx([1.1, 0.5])
     check_whole(figure)
+
+
+def test_a_single_seed_is_drawn_without_an_interval(tmp_path):
+    rows = [("baseline", "as chosen", 0, 1000, 0.1, 0.2, 0.7), ("eta", "0.16", 0, 1000, 0.1, 0.2, 0.4)]
+    write_table(tmp_path / what_decides.LOG, what_decides.COLUMNS, rows)
+    figure = draw_what_decides(tmp_path)
+    lines = figure.axes[0].lines
+    assert [line.get_xdata()[0] for line in lines if line.get_marker() == "o"] == pytest.approx([0.7, 0.4])
+    assert all(np.isnan(line.get_xdata()).all() for line in (lines[1], lines[4]))
