@@ -83,7 +83,7 @@ def known_interval(interval: tuple[float, float]) -> tuple[float, float] | None:
     return None if math.isnan(interval[0]) else interval
 
 
-def mean_and_interval_text(values: Array, spec: str = ".2f") -> str:
+def mean_and_interval_text(values: Array, spec: str = "z.2f") -> str:
     """Such as "1.20 [1.10, 1.31]"; of a single value, the value alone."""
     mean, interval = mean_and_interval(values)
     if known_interval(interval) is None:

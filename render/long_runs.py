@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, LogFormatter
+from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from swimmer_mj.learning.evaluation import mean_and_interval
 from swimmer_mj.learning.experiments import what_decides
+from swimmer_mj.learning.experiments.long_runs import ETAS
 from swimmer_mj.learning.experiments.summaries import peaks
 from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where
 from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, plain_axes
@@ -22,7 +23,10 @@ __all__ = ["draw_long_runs", "draw_what_decides"]
 Array = NDArray[np.float64]
 Logs = str | os.PathLike[str]
 
-PRESETS = {"paper": (BLUE, r"$\eta$ = 0.01 (the paper's)"), "tuned": (ORANGE, r"$\eta$ = 0.04")}
+PRESETS = {
+    "paper": (BLUE, rf"$\eta$ = {ETAS['paper']:g} (the paper's)"),
+    "tuned": (ORANGE, rf"$\eta$ = {ETAS['tuned']:g}"),
+}
 
 
 def _runs(axes: Axes, table: Table, quantity: str, color: str, label: str) -> None:
@@ -60,8 +64,9 @@ def draw_long_runs(name: str, logs: Logs = LOGS) -> Figure:
     for axes in (value, hamiltonian, speed):
         axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     hamiltonian.set_yscale("log")
-    hamiltonian.yaxis.set_major_formatter(LogFormatter())
-    hamiltonian.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(1, 0.5)))
+    hamiltonian.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    hamiltonian.yaxis.set_major_formatter("{x:g}")
+    hamiltonian.yaxis.set_minor_formatter(NullFormatter())
     speed.set_ylim(bottom=min(0.0, speed.get_ylim()[0]))
     value.set_ylabel(r"$\langle V \rangle_S$  (m)")
     hamiltonian.set_ylabel(r"$\langle H^2 \rangle_S$  (m$^2$/s$^2$)")
@@ -126,7 +131,6 @@ def draw_what_decides(logs: Logs = LOGS) -> Figure:
     axes.set_yticks(range(len(settings)), [f"{factor}: {setting}" for factor, setting in settings])
     axes.set_ylim(len(settings) - 0.4, -0.6)
     seconds = float(table["simulated_seconds"].max())
-    axes.set_xlabel(
-        f"swimming speed after {seconds:,.0f} s of simulated time  (m/s); {len(final[0])} seeds, mean and 95 % interval"
-    )
+    axes.set_xlabel(f"swimming speed after {seconds:,.0f} s of simulated time  (m/s)")
+    figure.suptitle(f"{len(final[0])} seeds: each, mean and 95 % interval of the mean", fontsize=10)
     return figure

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,6 +26,7 @@ from swimmer_mj.learning.experiments import (
 from swimmer_mj.learning.experiments.tables import LOGS, Path, Table, read_table, rows_where
 from swimmer_mj.render.bands import NAMES, band, quartiles
 from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, plain_axes
+from swimmer_mj.render.long_runs import draw_long_runs, draw_what_decides
 from swimmer_mj.render.second_order import draw_section_3_4
 
 __all__ = [
@@ -411,10 +413,12 @@ def draw_value_bias(logs: Logs = LOGS) -> Figure:
 
 FIGURES: dict[str, Callable[[Logs], Figure]] = {
     "figure-1": draw_figure_1,
+    "figure-2": partial(draw_long_runs, "swim5"),
     "section-3.3": draw_section_3_3,
     "section-3.4": draw_section_3_4,
     "linear": draw_linear,
     "hamiltonian": draw_hamiltonian,
     "value-bias": draw_value_bias,
+    "what-decides": draw_what_decides,
 }
 """What draws the logs of each experiment."""

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import imageio.v3 as iio
+from matplotlib.figure import Figure
 from PIL import Image
 
 from swimmer_mj.files import replacing
@@ -27,24 +28,29 @@ from swimmer_mj.render.video import frames
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 COLORS = 256
-"""Of a picture: enough for lines and bands, and a third of the size."""
-FPS = 12
+"""Of a figure: enough for lines and bands, and half the size."""
+ANIMATION_COLORS = 48
+FPS = 10
 ANIMATED = 8.0
 """How much of the episode is in the animation, s."""
 
 
-def few_colors(image: Image.Image) -> Image.Image:
+def few_colors(image: Image.Image, count: int) -> Image.Image:
     """The picture with a palette."""
-    return image.convert("RGB").quantize(COLORS, dither=Image.Dither.NONE)
+    return image.convert("RGB").quantize(count, dither=Image.Dither.NONE)
 
 
 def draw_figures() -> None:
     """Every figure that ``swimmer-mj figures`` draws."""
     for name, draw in FIGURES.items():
-        path = IMAGES / f"{name}.png"
-        save_figure(draw(LOGS), path, dpi=110)
-        with replacing(path) as partial:
-            few_colors(Image.open(path)).save(partial, format="PNG", optimize=True)
+        save_small(draw(LOGS), IMAGES / f"{name}.png")
+
+
+def save_small(figure: Figure, path: Path) -> None:
+    """Write a figure as a PNG with a palette."""
+    save_figure(figure, path, dpi=110)
+    with replacing(path) as partial:
+        few_colors(Image.open(path), COLORS).save(partial, format="PNG", optimize=True)
 
 
 def draw_policy(name: str) -> None:
@@ -57,10 +63,10 @@ def draw_policy(name: str) -> None:
         13.0,
         lambda now: 0.0 if now < 5.0 - 1e-9 else math.pi,
     )
-    save_figure(film_strip(trajectory), IMAGES / "film-strip.png")
-    shown = list(frames(trajectory, width=480, height=270, fps=FPS))[: round(ANIMATED * FPS)]
+    save_small(film_strip(trajectory), IMAGES / "film-strip.png")
+    shown = list(frames(trajectory, width=400, height=225, fps=FPS))[: round(ANIMATED * FPS)]
     with replacing(IMAGES / "swimmer.gif") as partial:
-        pictures = [few_colors(Image.fromarray(frame)).convert("RGB") for frame in shown]
+        pictures = [few_colors(Image.fromarray(frame), ANIMATION_COLORS).convert("RGB") for frame in shown]
         iio.imwrite(partial, pictures, extension=".gif", duration=1000 / FPS, loop=0)
 
 

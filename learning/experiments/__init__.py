@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from swimmer_mj.learning.experiments import (
     figure_1,
     hamiltonians,
     linear_approximators,
+    long_runs,
     section_3_3,
     section_3_4,
     value_bias,
+    what_decides,
 )
 from swimmer_mj.learning.experiments.tables import LOGS
 
@@ -43,6 +46,12 @@ EXPERIMENTS: dict[str, Experiment] = {
             "weights of a 66-weight network on the pendulum: basic algorithm and vario-eta",
             figure_1.run,
             (figure_1.WEIGHTS_LOG, figure_1.REWARD_LOG),
+        ),
+        Experiment(
+            "figure-2",
+            "mean V, mean squared H and speed of 5 links in long runs, and what became of each peak",
+            partial(long_runs.run, "swim5"),
+            ("swim5.csv",),
         ),
         Experiment(
             "section-3.3",
@@ -78,6 +87,12 @@ EXPERIMENTS: dict[str, Experiment] = {
             "bias and deviation of V against Monte Carlo returns during training",
             value_bias.run,
             (value_bias.TABLE_LOG, value_bias.STATES_LOG),
+        ),
+        Experiment(
+            "what-decides",
+            "speed of the swimmer with one choice changed at a time",
+            what_decides.run,
+            (what_decides.LOG,),
         ),
     )
 }

@@ -10,6 +10,7 @@ To use a machine's cores, run the three swimmers at once.
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -23,8 +24,10 @@ from swimmer_mj.parameters import SwimmerParameters
 __all__ = ["ETAS", "SEEDS", "SWIMMERS", "Swimmer", "collect", "configurations", "open_runs", "run"]
 
 SEEDS = range(8)
-ETAS = {"paper": 0.01, "tuned": 0.04}
-"""The paper's learning rate, and the largest with which no seed of a first look diverged."""
+EVALUATE_EVERY = 20_000
+"""Trials between rows of the log."""
+ETAS = {"paper": 0.01, "tuned": 0.16}
+"""The paper's learning rate, and the best of a sweep (docs/what-decides.md)."""
 
 
 class Swimmer(NamedTuple):
@@ -33,72 +36,77 @@ class Swimmer(NamedTuple):
     links: int
     neurons: int
     """Of the cascade, the output counted."""
-    trials: int
+    trials: dict[str, int]
+    """By preset."""
     steps_per_s: float
     """Learning steps that one learner alone does on one core of the machine of docs/performance.md, about."""
 
 
 SWIMMERS = {
-    "swim3": Swimmer(3, 30, 1_000_000, 1.0e6),
-    "swim4": Swimmer(4, 60, 1_000_000, 4.7e5),
-    "swim5": Swimmer(5, 60, 3_000_000, 4.38e5),
+    "swim3": Swimmer(3, 30, {"paper": 1_000_000, "tuned": 1_000_000}, 1.0e6),
+    "swim4": Swimmer(4, 60, {"paper": 1_000_000, "tuned": 1_000_000}, 4.7e5),
+    "swim5": Swimmer(5, 60, {"paper": 3_000_000, "tuned": 1_000_000}, 4.38e5),
 }
 
 
-def configurations(name: str) -> dict[str, TrainConfig]:
-    """The runs of a swimmer: directory below the study's, and configuration."""
+def configurations(name: str, preset: str) -> dict[str, TrainConfig]:
+    """The runs of a swimmer with a preset: directory below the study's, and configuration."""
     swimmer = SWIMMERS[name]
     return {
         f"{name}-{preset}/seed-{seed}": TrainConfig(
             seed=seed,
             parameters=SwimmerParameters(n_links=swimmer.links),
-            td=TDSettings(eta=eta),
+            td=TDSettings(eta=ETAS[preset]),
             neurons=swimmer.neurons,
             engine="population",
-            evaluate_every=20_000,
+            evaluate_every=EVALUATE_EVERY,
         )
-        for preset, eta in ETAS.items()
         for seed in SEEDS
     }
 
 
-def open_runs(name: str, directory: Path) -> list[TrainingRun]:
-    """The runs of a swimmer, new or as they were left."""
+def open_runs(name: str, preset: str, directory: Path) -> list[TrainingRun]:
+    """The runs of a swimmer with a preset, new or as they were left."""
     return [
         TrainingRun(directory / path, resume=True)
         if (directory / path / "config.json").exists()
         else TrainingRun(directory / path, config)
-        for path, config in configurations(name).items()
+        for path, config in configurations(name, preset).items()
     ]
 
 
 def collect(name: str, runs: Path, log: Path) -> None:
     """Write the metrics of all runs of a swimmer, as far as they have come, to one table."""
     rows = []
-    for path, config in configurations(name).items():
-        preset = path.split("/")[0].removeprefix(f"{name}-")
-        metrics = runs / path / METRICS_LOG
-        if metrics.exists():
-            with metrics.open(newline="") as file:
-                for row in csv.DictReader(file):
-                    rows.append((preset, config.seed, *(float(row[column]) for column in Metrics._fields)))
+    for preset in ETAS:
+        for path, config in configurations(name, preset).items():
+            metrics = runs / path / METRICS_LOG
+            if metrics.exists():
+                with metrics.open(newline="") as file:
+                    for row in csv.DictReader(file):
+                        rows.append(
+                            (preset, config.seed, *(float(row[column]) for column in Metrics._fields))
+                        )
     write_table(log, ("preset", "seed", *Metrics._fields), rows)
 
 
-def run(
-    name: str, directory: Path = LOGS, report: Callable[[str], None] = print, seconds: float | None = None
-) -> None:
-    """Go on with the runs of a swimmer in ``directory``/runs, for so many seconds or to their end; log beside."""
+def run(name: str, directory: str | os.PathLike[str] = LOGS, report: Callable[[str], None] = print) -> None:
+    """Go on with the runs of a swimmer in ``directory``/runs, to their end; log beside."""
+    directory = Path(directory)
 
     def news(news: Report) -> None:
         if (row := news.metrics) is not None:
             where = news.run.directory.relative_to(directory)
             report(f"{where}: trial {row.trial:,}, <V> {row.mean_value:.3f} m, speed {row.speed:.3f} m/s")
 
-    runs = directory / "runs"
-    opened = open_runs(name, runs)
+    opened = {preset: open_runs(name, preset, directory / "runs") for preset in ETAS}
     try:
-        train_together(opened, trials=SWIMMERS[name].trials, seconds=seconds, report=news, workers=1)
+        # Both presets in one pack, and what has more trials to do alone after that
+        for trials in sorted(set(SWIMMERS[name].trials.values())):
+            unfinished = [
+                run for preset in ETAS if SWIMMERS[name].trials[preset] >= trials for run in opened[preset]
+            ]
+            train_together(unfinished, trials=trials, report=news, workers=1)
     finally:  # a run that diverged or an interruption leaves what the others have learned
-        if any(run.history for run in opened):
-            collect(name, runs, directory / f"{name}.csv")
+        if any(run.history for runs in opened.values() for run in runs):
+            collect(name, directory / "runs", directory / f"{name}.csv")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -99,46 +100,43 @@ def trials_to(table: Table, preset: str, share: float) -> Array:
     )
 
 
-def _trials_and_hours(trials: Array, steps_per_s: float) -> str:
-    """Median and quartiles over seeds, in thousands, and the median's hours."""
-    low, middle, high = np.quantile(trials, [0.25, 0.5, 0.75])
-    hours = middle * TDSettings().steps_per_trial / steps_per_s / 3600
-    return f"{middle / 1e3:,.0f}k [{low / 1e3:,.0f}k, {high / 1e3:,.0f}k], {hours:.2f} h"
+def _thousands(trials: Array) -> str:
+    """Median and quartiles over seeds."""
+    low, middle, high = np.quantile(trials, [0.25, 0.5, 0.75]) / 1e3
+    return f"{middle:,.0f}k [{low:,.0f}k, {high:,.0f}k]"
 
 
 def learning_times(name: str, logs: Logs = LOGS) -> Summary:
     """Trials and hours to shares of the top speed, for each preset of a swimmer, the paper's beside them."""
     table = read_table(Path(logs) / f"{name}.csv")
     swimmer = long_runs.SWIMMERS[name]
+
+    def hours(trials: float) -> str:
+        return f"{trials * TDSettings().steps_per_trial / swimmer.steps_per_s / 3600:.2f}"
+
     rows = []
     for preset, eta in long_runs.ETAS.items():
         if preset not in table["preset"]:
             continue
         runs = peaks(table, preset)
-        kept = np.array([run.last / run.peak for run in runs])
-        rows.append(
-            (
-                f"eta {eta:g}, {len(runs)} seeds, {min(run.trials for run in runs) / 1e6:g} million trials",
-                mean_and_interval_text(np.array([run.peak for run in runs])),
-                *(
-                    _trials_and_hours(trials_to(table, preset, share), swimmer.steps_per_s)
-                    for share in (*SHARES, 1.0)
-                ),
-                mean_and_interval_text(kept),
-            )
-        )
+        label = f"eta {eta:g}, {len(runs)} seed{'s'[: len(runs) > 1]}"
+        top = np.array([run.peak for run in runs])
+        for share in (*SHARES, 1.0):
+            trials = trials_to(table, preset, share)
+            speed = mean_and_interval_text(share * top)
+            rows.append((label, f"{share:.0%}", speed, _thousands(trials), hours(float(np.median(trials)))))
+        last = np.array([run.last for run in runs])
+        end = min(run.trials for run in runs)
+        kept = f"{float(np.median(last / top)):.0%} at the end"
+        rows.append((label, kept, mean_and_interval_text(last), f"{end / 1e3:,.0f}k", hours(end)))
     if name == "swim5":
-        rows.append(("the paper, one run, 800 MHz", "-", "-", "-", "-", "2,500k, a week", "collapsed"))
+        rows.append(("the paper, one run", "100%", "-", "2,500k", "168, at 800 MHz"))
+        rows.append(("the paper, one run", "collapsed at the end", "-", "-", "-"))
     return Summary(
-        f"{swimmer.links} links, {swimmer.neurons} neurons: trials and hours to shares of each run's top speed, median "
-        f"[quartiles] over seeds; hours of one learner alone on one core, {swimmer.steps_per_s:,.0f} steps/s",
-        (
-            "run",
-            "top speed, m/s",
-            *(f"to {share:.0%}" for share in SHARES),
-            "to the top",
-            "last / top speed",
-        ),
+        f"{swimmer.links} links, {swimmer.neurons} neurons: when each run first had a share of its own top speed; "
+        "speeds are means over seeds [95 % interval], trials and what is left at the end medians [quartiles]; "
+        f"hours are of one learner alone on one core, {swimmer.steps_per_s:,.0f} steps/s",
+        ("run", "of its top speed", "m/s", "trials", "hours"),
         rows,
     )
 
@@ -173,17 +171,17 @@ def speeds_by_setting(logs: Logs = LOGS) -> Summary:
     for factor, setting in dict.fromkeys(
         zip(table["factor"].tolist(), table["setting"].tolist(), strict=True)
     ):
-        cell = rows_where(table, factor=factor, setting=setting)
-        at_end = {name: column[cell["simulated_seconds"] == end] for name, column in cell.items()}
-        speed = at_end["speed"]
+        at_end = rows_where(table, factor=factor, setting=setting, simulated_seconds=float(end))
+        speed, squared = at_end["speed"], at_end["mean_squared_hamiltonian"]
+        lost = int(np.isnan(squared).sum())
         rows.append(
             (
                 factor,
                 setting,
-                str(len(speed)),
+                f"{len(speed)}, {lost} of them diverged" if lost else str(len(speed)),
                 mean_and_interval_text(speed),
-                f"{np.median(speed):.2f}",
-                f"{np.median(np.nan_to_num(at_end['mean_squared_hamiltonian'], nan=np.inf)):.2g}",
+                f"{np.median(speed):z.2f}",
+                f"{np.nanmedian(squared):.2g}",
             )
         )
     return Summary(
@@ -194,6 +192,8 @@ def speeds_by_setting(logs: Logs = LOGS) -> Summary:
 
 
 TABLES: dict[str, Callable[[Logs], Summary]] = {
+    "figure-2": partial(learning_times, "swim5"),
     "section-3.3": noise_ratios,
+    "what-decides": speeds_by_setting,
 }
 """What sums up the logs of each experiment that has a table."""

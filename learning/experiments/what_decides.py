@@ -8,6 +8,7 @@ compiled equations (docs/metrics.md). A seed whose weights overflow is kept: it 
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,7 +23,7 @@ from swimmer_mj.learning.networks import Cascade
 from swimmer_mj.learning.population import LANES, PopulationTD
 from swimmer_mj.learning.trainer import TrainConfig, evaluation_sample
 
-__all__ = ["BASELINE", "LOG", "VARIANTS", "Variant", "run"]
+__all__ = ["BASELINE", "LOG", "VARIANTS", "Variant", "merge", "run"]
 
 LOG = "what-decides.csv"
 COLUMNS = (
@@ -59,7 +60,7 @@ def _variant(factor: str, setting: str, **changes: Any) -> Variant:
 
 VARIANTS = (
     _variant("baseline", "as chosen"),
-    *(_variant("eta", f"{eta:g}", eta=eta) for eta in (0.01, 0.02, 0.08, 0.16)),
+    *(_variant("eta", f"{eta:g}", eta=eta) for eta in (0.01, 0.02, 0.08, 0.16, 0.32, 0.64)),
     *(_variant("s_lambda", f"{s:g}", s_lambda=s) for s in (0.0, 3.0, 10.0)),
     *(_variant("s_gamma", f"{s:g}", s_gamma=s) for s in (0.3, 0.5, 2.0)),
     *(_variant("trial length", f"{t:g} s", trial_duration=t) for t in (1.0, 2.5, 10.0)),
@@ -121,10 +122,7 @@ def _learn(pack: Sequence[tuple[Variant, int]], duration: float) -> list[tuple[s
 
 def _require_part(part: Path, pack: Sequence[tuple[Variant, int]], duration: float) -> None:
     """Refuse a part of the log that is not that of the learners of ``pack``, all of them and to their end."""
-    table = read_table(part)
-    text = [cell if isinstance(cell, str) else f"{cell:g}" for cell in table["setting"].tolist()]
-    seeds, times = table["seed"].tolist(), table["simulated_seconds"].tolist()
-    end = {one[:3]: one[3] for one in zip(table["factor"].tolist(), text, seeds, times, strict=True)}
+    end = {row[:3]: float(row[3]) for row in _rows(part)}
     trial_duration = pack[0][0].config.td.trial_duration
     expected_end = round(duration / trial_duration) * trial_duration
     if set(end) != {(one.factor, one.setting, seed) for one, seed in pack} or not np.allclose(
@@ -137,14 +135,14 @@ def _require_part(part: Path, pack: Sequence[tuple[Variant, int]], duration: flo
 
 
 def run(
-    directory: Path = LOGS,
+    directory: str | os.PathLike[str] = LOGS,
     report: Callable[[str], None] = print,
     *,
     variants: Sequence[Variant] = VARIANTS,
     duration: float = DURATION,
 ) -> None:
     """Learn with every variant and seed. A finished pack is kept in a part of the log until all are done."""
-    packs = _packs(variants)
+    directory, packs = Path(directory), _packs(variants)
     parts = [directory / f"{Path(LOG).stem}-part-{i}.csv" for i in range(len(packs))]
     for pack, part in zip(packs, parts, strict=True):
         if part.exists():
@@ -154,8 +152,23 @@ def run(
             write_table(part, COLUMNS, _learn(pack, duration))
         named = dict.fromkeys(f"{variant.factor} {variant.setting}" for variant, _ in pack)
         report(f"{part.name}: {', '.join(named)}")
-    tables = [read_table(part) for part in parts]
-    rows = [row for table in tables for row in zip(*(table[name].tolist() for name in COLUMNS), strict=True)]
-    write_table(directory / LOG, COLUMNS, rows)
+    merge(parts, directory / LOG, variants)
     for part in parts:
         part.unlink()
+
+
+def merge(parts: Sequence[Path], log: Path, variants: Sequence[Variant] = VARIANTS) -> None:
+    """Write the rows of ``parts`` to one log, in the order of ``variants``."""
+    order = {(one.factor, one.setting): i for i, one in enumerate(variants)}
+    rows = [row for part in parts for row in _rows(part)]
+    write_table(log, COLUMNS, sorted(rows, key=lambda row: order[str(row[0]), str(row[1])]))
+
+
+def _rows(part: Path) -> list[tuple[str | float, ...]]:
+    """The rows of a part, settings as they were written: tables read numbers where all cells are numbers."""
+    table = read_table(part)
+    rows = zip(*(table[name].tolist() for name in COLUMNS), strict=True)
+    return [
+        (factor, setting if isinstance(setting, str) else f"{setting:g}", *rest)
+        for factor, setting, *rest in rows
+    ]

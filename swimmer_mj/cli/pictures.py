@@ -143,7 +143,7 @@ def figures(
             tables[name] = out / f"{name}.md"
             with replacing(tables[name]) as partial:
                 partial.write_text(f"{summary.title}\n\n{summary.markdown()}", encoding="utf-8")
-            table = make_table(summary.title, summary.header)
+            table = make_table(escape(summary.title), summary.header)
             for row in summary.rows:
                 table.add_row(*(escape(cell) for cell in row))
             console.print(table)

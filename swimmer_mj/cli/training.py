@@ -61,7 +61,7 @@ def train(
             reference in torch (slow). The default is population for more than 4 seeds, then the faster, else fused.
         neurons: Neurons of the cascade, the output counted; 60 by default for td, as in the paper. Without it,
             value-gradient has two layers of 64.
-        eta: Learning rate of td; 0.04 by default (paper: 0.01, which takes ten times the trials).
+        eta: Learning rate of td; 0.04 by default (paper: 0.01, which is slower).
         s_gamma: Shortness factor, 1/s; 1 by default for td, 0.5 for value-gradient.
         s_lambda: Decay of eligibility besides s_gamma, 1/s.
         vario_eta: Adapt the rate of each weight by vario-eta, instead of scaling the output unit's.

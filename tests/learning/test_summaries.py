@@ -49,23 +49,24 @@ def test_trials_to_a_share_of_the_top_speed(tmp_path, share, trials):
 
 def test_learning_times(tmp_path):
     write_long_runs(tmp_path, "swim5", RUNS)
-    summary = summaries.learning_times("swim5", tmp_path)
-    paper, tuned, original = summary.rows
-    assert len(summary.header) == len(paper) == len(tuned) == len(original) == 7
-    assert paper[0] == "eta 0.01, 2 seeds, 0.1 million trials"
-    assert paper[1].startswith("1.15 [")
+    rows = summaries.learning_times("swim5", tmp_path).rows
+    paper = [row for row in rows if row[0] == "eta 0.01, 2 seeds"]
+    assert [row[1] for row in paper] == ["50%", "80%", "95%", "100%", "95% at the end"]
+    assert paper[3][2].startswith("1.15 [")
     # 80,000 trials of 500 steps at 438,000 steps/s
-    assert paper[5] == "80k [70k, 90k], 0.03 h"
-    assert tuned[1:3] == ("2.00", "20k [20k, 20k], 0.01 h")
-    assert tuned[6] == "0.50"
-    assert original[5] == "2,500k, a week"
+    assert paper[3][3:] == ("80k [70k, 90k]", "0.03")
+    assert paper[4][3] == "100k"
+    tuned = [row for row in rows if row[0] == "eta 0.16, 1 seed"]
+    assert tuned[3][1:4] == ("100%", "2.00", "20k [20k, 20k]")
+    assert tuned[4][1:4] == ("50% at the end", "1.00", "40k")
+    assert rows[-2][3] == "2,500k"
 
 
 def test_learning_times_of_other_swimmers_have_no_row_of_the_paper(tmp_path):
     write_long_runs(tmp_path, "swim3", {("tuned", 0): [0.5]})
     summary = summaries.learning_times("swim3", tmp_path)
     assert summary.title.startswith("3 links, 30 neurons")
-    assert len(summary.rows) == 1
+    assert len(summary.rows) == 5
 
 
 def test_noise_ratios_are_divided_by_n(tmp_path):

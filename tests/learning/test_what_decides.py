@@ -40,3 +40,13 @@ def test_parts_are_used_if_they_are_of_these_learners(tmp_path, monkeypatch):
     what_decides.run(tmp_path, lambda line: None, variants=TWO, duration=1000.0)
     assert [path.name for path in tmp_path.iterdir()] == [what_decides.LOG]
     assert len(read_table(tmp_path / what_decides.LOG)["seed"]) == 2 * 8 * 5
+
+
+def test_the_log_is_in_the_order_of_the_variants(tmp_path):
+    parts = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for part, one in zip(parts, reversed(TWO), strict=True):
+        what_decides.write_table(part, what_decides.COLUMNS, learned([(one, 0)], 1000.0))
+    what_decides.merge(parts, tmp_path / "log.csv", TWO)
+    table = read_table(tmp_path / "log.csv")
+    assert table["factor"].tolist() == ["baseline"] * 5 + ["eta"] * 5
+    assert table["setting"].tolist() == ["as chosen"] * 5 + ["0.01"] * 5

@@ -21,7 +21,7 @@ def test_long_runs_show_medians_and_what_became_of_each_peak(tmp_path, check_who
     figure = draw_long_runs("swim5", tmp_path)
     value, _, speed, fall = figure.axes
     medians = {line.get_label(): line for line in speed.lines if not line.get_label().startswith("_")}
-    labels = [r"$\eta$ = 0.01 (the paper's), 3 seeds", r"$\eta$ = 0.04, 2 seeds"]
+    labels = [r"$\eta$ = 0.01 (the paper's), 3 seeds", r"$\eta$ = 0.16, 2 seeds"]
     assert list(medians) == labels
     assert medians[labels[0]].get_ydata() == pytest.approx([0.3, 0.5, 0.6])
     assert medians[labels[1]].get_xdata() == pytest.approx([20_000, 40_000])
