@@ -119,7 +119,7 @@ def learning_times(name: str, logs: Logs = LOGS) -> Summary:
         if preset not in table["preset"]:
             continue
         runs = peaks(table, preset)
-        label = f"eta {eta:g}, {len(runs)} seed{'s'[: len(runs) > 1]}"
+        label = f"eta {eta:g}, {len(runs)} {'seed' if len(runs) == 1 else 'seeds'}"
         top = np.array([run.peak for run in runs])
         for share in (*SHARES, 1.0):
             trials = trials_to(table, preset, share)
