@@ -15,7 +15,7 @@ from swimmer_mj.learning.evaluation import mean_and_interval
 from swimmer_mj.learning.experiments import what_decides
 from swimmer_mj.learning.experiments.long_runs import ETAS
 from swimmer_mj.learning.experiments.summaries import peaks
-from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where
+from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where, settings_of
 from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, plain_axes
 
 __all__ = ["draw_long_runs", "draw_what_decides"]
@@ -113,7 +113,7 @@ def draw_long_runs(name: str, logs: Logs = LOGS) -> Figure:
 def draw_what_decides(logs: Logs = LOGS) -> Figure:
     """Speed at the end of learning with one choice changed: each seed, and the mean with its 95 % interval."""
     table = read_table(Path(logs) / what_decides.LOG)
-    settings = list(dict.fromkeys(zip(table["factor"].tolist(), table["setting"].tolist(), strict=True)))
+    settings = settings_of(table)
     figure = Figure(figsize=(7.6, 0.3 * len(settings) + 1.4), layout="constrained")
     axes = figure.subplots()
     plain_axes(axes)

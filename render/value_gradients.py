@@ -13,22 +13,14 @@ from numpy.typing import NDArray
 
 from swimmer_mj.learning.evaluation import mean_and_interval
 from swimmer_mj.learning.experiments import value_gradients
-from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where
+from swimmer_mj.learning.experiments.summaries import FAST, learners
+from swimmer_mj.learning.experiments.tables import LOGS, read_table, rows_where, settings_of
 from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, plain_axes
 
 __all__ = ["draw_ablation", "draw_lasting", "draw_links"]
 
 Array = NDArray[np.float64]
 Logs = str | os.PathLike[str]
-
-FAST = 1.5
-"""m/s; how long it takes to get there is drawn beside the speed at the end."""
-
-
-def _seeds(table: Table) -> list[Table]:
-    """The rows of each seed. A learner that has diverged, whose speeds are nan, counts as one that lies still."""
-    still = {**table, "speed": np.nan_to_num(table["speed"], nan=0.0)}
-    return [rows_where(still, seed=float(seed)) for seed in np.unique(table["seed"])]
 
 
 def _interval(axes: Axes, values: Array, y: float, color: str) -> None:
@@ -42,14 +34,14 @@ def _interval(axes: Axes, values: Array, y: float, color: str) -> None:
 def draw_ablation(logs: Logs = LOGS) -> Figure:
     """Speed at the end and time to 1.5 m/s with one setting changed: each seed, mean and 95 % interval."""
     table = read_table(Path(logs) / value_gradients.ABLATION_LOG)
-    settings = list(dict.fromkeys(zip(table["factor"].tolist(), table["setting"].tolist(), strict=True)))
+    settings = settings_of(table)
     figure = Figure(figsize=(9.6, 0.29 * len(settings) + 1.3), layout="constrained")
     speed, time = figure.subplots(1, 2, sharey=True, width_ratios=[1.25, 1])
     for axes in (speed, time):
         plain_axes(axes)
     n_seeds = 0
     for y, (factor, setting) in enumerate(settings):
-        seeds = _seeds(rows_where(table, factor=factor, setting=setting))
+        seeds = learners(rows_where(table, factor=factor, setting=setting))
         n_seeds = max(n_seeds, len(seeds))
         color = INK if y == 0 else BLUE
         final = np.array([one["speed"][-1] for one in seeds])
@@ -95,7 +87,7 @@ def draw_links(logs: Logs = LOGS) -> Figure:
     for axes in (curves, best):
         plain_axes(axes)
     for color, n in zip(COLORS, numbers, strict=False):
-        seeds = _seeds(rows_where(table, setting=float(n)))
+        seeds = learners(rows_where(table, setting=float(n)))
         for one in seeds:
             curves.plot(one["simulation_steps"], one["speed"], color=color, linewidth=0.5, alpha=0.35)
         length = min(len(one["speed"]) for one in seeds)
@@ -126,7 +118,7 @@ def draw_lasting(logs: Logs = LOGS) -> Figure:
     speed, share = figure.subplots(2, 1, sharex=True, height_ratios=[1.4, 1])
     for axes in (speed, share):
         plain_axes(axes)
-    for k, one in enumerate(_seeds(table)):
+    for k, one in enumerate(learners(table)):
         color = COLORS[k % len(COLORS)]
         style = "-" if k < len(COLORS) else (0, (4, 2))
         at, v = one["simulation_steps"], one["speed"]

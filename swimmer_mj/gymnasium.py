@@ -48,14 +48,14 @@ def legacy_seed(seed: int) -> int | list[int]:
     return [seed >> shift & 0xFFFFFFFF for shift in range(0, seed.bit_length(), 32)]
 
 
-def whole_number(name: str, value: Any, largest: float = float("inf")) -> int:
-    """``value``, a positive integer up to ``largest``, as an int."""
+def whole_number(name: str, value: Any, largest: float = float("inf"), *, least: int = 1) -> int:
+    """``value``, an integer from ``least`` to ``largest``, as an int."""
     try:
         number = operator.index(value)
     except TypeError:
-        number = 0
-    if not 1 <= number <= largest:
-        bounds = "of at least 1" if largest == float("inf") else f"from 1 to {largest}"
+        number = least - 1
+    if not least <= number <= largest:
+        bounds = f"of at least {least}" if largest == float("inf") else f"from {least} to {largest}"
         raise ValueError(f"{name} must be an integer {bounds}, got {value!r}")
     return number
 

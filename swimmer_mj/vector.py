@@ -74,14 +74,12 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         **kwargs: Any,
     ) -> None:
         num_envs = whole_number("num_envs", num_envs)
+        nthread = whole_number("nthread", nthread, least=0)
         if max_episode_steps is None or max_episode_steps == -1:
             self._max_episode_steps = math.inf
-        elif max_episode_steps < 1:
-            raise ValueError(
-                f"max_episode_steps must be at least 1, or -1 for never; got {max_episode_steps!r}"
-            )
         else:
-            self._max_episode_steps = max_episode_steps
+            name = "max_episode_steps, unless -1 for never,"
+            self._max_episode_steps = whole_number(name, max_episode_steps)
         # The simulation in which episodes are started and frames drawn, one environment at a time.
         self._single = SwimmerEnv(task, **kwargs)
         self._physics = self._single.physics

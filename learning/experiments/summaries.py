@@ -16,16 +16,21 @@ from numpy.typing import NDArray
 
 from swimmer_mj.learning.continuous_td import TDSettings
 from swimmer_mj.learning.evaluation import mean_and_interval_text
-from swimmer_mj.learning.experiments import long_runs, section_3_3, what_decides
-from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where
+from swimmer_mj.learning.experiments import long_runs, section_3_3, value_gradients, what_decides
+from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where, settings_of
 
 __all__ = [
+    "FAST",
     "TABLES",
     "Peak",
     "Summary",
+    "ablation",
+    "lasting",
+    "learners",
     "learning_times",
     "noise_ratios",
     "peaks",
+    "speeds_by_links",
     "speeds_by_setting",
     "trials_to",
 ]
@@ -60,13 +65,13 @@ class Peak(NamedTuple):
     peak: float
     """Highest speed at an evaluation, m/s."""
     at: float
-    """Trials then."""
+    """Trials, or steps of simulation, then."""
     lowest_after: float
     """Lowest speed at a later evaluation, m/s; the peak itself if it is the last."""
     last: float
     """Speed at the last evaluation, m/s."""
-    trials: float
-    """Trials at the last evaluation."""
+    end: float
+    """Trials, or steps of simulation, at the last evaluation."""
 
 
 def _runs(table: Table, preset: str) -> list[Table]:
@@ -75,22 +80,17 @@ def _runs(table: Table, preset: str) -> list[Table]:
     return [rows_where(rows, seed=float(seed)) for seed in np.unique(rows["seed"])]
 
 
+def _peak(run: Table, clock: str) -> Peak:
+    """Of the rows of one run, whose column ``clock`` says when."""
+    at, speed = run[clock], run["speed"]
+    best = int(np.argmax(speed))
+    numbers = speed[best], at[best], speed[best:].min(), speed[-1], at[-1]
+    return Peak(int(run["seed"][0]), *map(float, numbers))
+
+
 def peaks(table: Table, preset: str) -> list[Peak]:
     """For each seed of a preset."""
-    found = []
-    for run in _runs(table, preset):
-        best = int(np.argmax(run["speed"]))
-        found.append(
-            Peak(
-                int(run["seed"][0]),
-                float(run["speed"][best]),
-                float(run["trial"][best]),
-                float(run["speed"][best:].min()),
-                float(run["speed"][-1]),
-                float(run["trial"][-1]),
-            )
-        )
-    return found
+    return [_peak(run, "trial") for run in _runs(table, preset)]
 
 
 def trials_to(table: Table, preset: str, share: float) -> Array:
@@ -126,7 +126,7 @@ def learning_times(name: str, logs: Logs = LOGS) -> Summary:
             speed = mean_and_interval_text(share * top)
             rows.append((label, f"{share:.0%}", speed, _thousands(trials), hours(float(np.median(trials)))))
         last = np.array([run.last for run in runs])
-        end = min(run.trials for run in runs)
+        end = min(run.end for run in runs)
         kept = f"{float(np.median(last / top)):.0%} at the end"
         rows.append((label, kept, mean_and_interval_text(last), f"{end / 1e3:,.0f}k", hours(end)))
     if name == "swim5":
@@ -168,9 +168,7 @@ def speeds_by_setting(logs: Logs = LOGS) -> Summary:
     table = read_table(Path(logs) / what_decides.LOG)
     end = table["simulated_seconds"].max()
     rows = []
-    for factor, setting in dict.fromkeys(
-        zip(table["factor"].tolist(), table["setting"].tolist(), strict=True)
-    ):
+    for factor, setting in settings_of(table):
         at_end = rows_where(table, factor=factor, setting=setting, simulated_seconds=float(end))
         speed, squared = at_end["speed"], at_end["mean_squared_hamiltonian"]
         lost = int(np.isnan(squared).sum())
@@ -187,6 +185,87 @@ def speeds_by_setting(logs: Logs = LOGS) -> Summary:
     return Summary(
         f"one choice changed at a time, after {end:,.0f} s of simulated time",
         ("factor", "setting", "seeds", "speed, m/s", "median", "median <H²>, m²/s²"),
+        rows,
+    )
+
+
+# Value gradients ---------------------------------------------------------------------------------------------------
+
+FAST = 1.5
+"""m/s; how long it takes to get there tells quick learners from slow ones."""
+
+
+def learners(table: Table) -> list[Table]:
+    """The rows of each seed. A learner that has diverged, whose speeds are nan, counts as one that lies still."""
+    still = {**table, "speed": np.nan_to_num(table["speed"], nan=0.0)}
+    return [rows_where(still, seed=float(seed)) for seed in np.unique(table["seed"])]
+
+
+def ablation(logs: Logs = LOGS) -> Summary:
+    """Value gradients with one setting changed: speed at the end, and time until they are fast."""
+    table = read_table(Path(logs) / value_gradients.ABLATION_LOG)
+    rows = []
+    for factor, setting in settings_of(table):
+        of_setting = rows_where(table, factor=factor, setting=setting)
+        seeds = learners(of_setting)
+        lost = len(np.unique(of_setting["seed"][np.isnan(of_setting["speed"])]))
+        fast = [one["cpu_seconds"][one["speed"] >= FAST] for one in seeds]
+        times = np.array([at[0] if len(at) else np.inf for at in fast])
+        there = int(np.isfinite(times).sum())
+        median = float(np.median(times))
+        rows.append(
+            (
+                factor,
+                setting or "-",
+                f"{of_setting['weights'][0]:,.0f}",
+                f"{len(seeds)}, {lost} of them diverged" if lost else str(len(seeds)),
+                mean_and_interval_text(np.array([one["speed"][-1] for one in seeds])),
+                f"{median:.1f}" if np.isfinite(median) else "never",
+                str(there),
+            )
+        )
+    steps = float(table["simulation_steps"].max()) / 1e6
+    return Summary(
+        f"value gradients with one setting changed at a time, {steps:.0f} million steps of simulation; a learner that "
+        f"diverged counts as 0 m/s; seconds are of one core, median over seeds",
+        ("factor", "setting", "weights", "seeds", "speed at the end, m/s", f"s to {FAST} m/s", "seeds there"),
+        rows,
+    )
+
+
+def speeds_by_links(logs: Logs = LOGS) -> Summary:
+    """Value gradients with more and fewer links."""
+    table = read_table(Path(logs) / value_gradients.LINKS_LOG)
+    rows = []
+    for n in np.unique(table["setting"]):
+        seeds = learners(rows_where(table, setting=float(n)))
+        best = np.array([one["speed"].max() for one in seeds])
+        last = np.array([one["speed"][-1] for one in seeds])
+        seconds = float(np.median([one["cpu_seconds"][-1] for one in seeds]))
+        speeds = mean_and_interval_text(last), mean_and_interval_text(best), f"{best.max():.2f}"
+        rows.append((f"{n:.0f}", str(len(seeds)), *speeds, f"{seconds:.0f}"))
+    steps = float(table["simulation_steps"].max()) / 1e6
+    return Summary(
+        f"value gradients, {steps:.0f} million steps of simulation; seconds are of one core",
+        ("links", "seeds", "speed at the end, m/s", "best of each, m/s", "best of all, m/s", "seconds"),
+        rows,
+    )
+
+
+def lasting(logs: Logs = LOGS) -> Summary:
+    """Value gradients, ten times as long as they need: the peak of each seed, and what became of it."""
+    table = read_table(Path(logs) / value_gradients.LASTING_LOG)
+    rows = []
+    for run in (_peak(one, "simulation_steps") for one in learners(table)):
+        kept = f"{run.lowest_after / run.peak:.1%}"
+        million = f"{run.at / 1e6:.0f}"
+        rows.append(
+            (str(run.seed), f"{run.peak:.3f}", million, f"{run.lowest_after:.3f}", kept, f"{run.last:.3f}")
+        )
+    steps = float(table["simulation_steps"].max()) / 1e6
+    return Summary(
+        f"value gradients for {steps:.0f} million steps of simulation, a look each million",
+        ("seed", "peak, m/s", "after million steps", "lowest after it", "of the peak", "last"),
         rows,
     )
 

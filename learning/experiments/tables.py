@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.files import replacing
 
-__all__ = ["LOGS", "Table", "read_table", "rows_where", "write_table"]
+__all__ = ["LOGS", "Table", "read_table", "rows_where", "settings_of", "write_table"]
 
 LOGS = Path(__file__).parent / "logs"
 """The committed logs."""
@@ -67,3 +67,8 @@ def rows_where(table: Table, **equal: str | float) -> Table:
     for name, value in equal.items():
         chosen &= table[name] == value
     return {name: column[chosen] for name, column in table.items()}
+
+
+def settings_of(table: Table) -> list[tuple[str, str]]:
+    """The pairs of ``factor`` and ``setting`` of a study, in their order."""
+    return list(dict.fromkeys(zip(table["factor"].tolist(), table["setting"].tolist(), strict=True)))

@@ -231,7 +231,7 @@ def ablation(
     directory: str | os.PathLike[str] = LOGS,
     *,
     variants: Sequence[Variant] = ABLATIONS,
-    looks: Sequence[int] = _every(MILLION // 2, 6 * MILLION, 1.5),
+    looks: Sequence[int] = _every(MILLION // 4, 6 * MILLION, 1.5),
     seeds: Sequence[int] = SEEDS,
     report: Callable[[str], None] = lambda line: None,
 ) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swimmer_mj.learning.experiments import section_3_3, summaries, what_decides
+from swimmer_mj.learning.experiments import section_3_3, summaries, value_gradients, what_decides
 from swimmer_mj.learning.experiments.tables import read_table, write_table
 from swimmer_mj.learning.trainer import Metrics
 
@@ -92,6 +92,60 @@ def test_speeds_by_setting_are_those_of_the_end(tmp_path):
     assert first == ("baseline", "as chosen", "3", "1.10 [1.10, 1.10]", "1.10", "0.25")
     assert second[:2] == ("eta", "0.16")
     assert second[4] == "1.20"
+
+
+def write_study(path, learners):
+    """Learners (factor, setting, seed) with these speeds after 1, 2, ... million steps and 10, 20, ... s."""
+    rows = [
+        (*learner, 5377, 1_000_000 * (k + 1), 10.0 * (k + 1), speed, speed - 0.1)
+        for learner, speeds in learners.items()
+        for k, speed in enumerate(speeds)
+    ]
+    write_table(path, value_gradients.COLUMNS, rows)
+
+
+def test_ablation(tmp_path):
+    nan = float("nan")
+    learners = {
+        ("as chosen", "", 0): [1.6, 1.7, 2.0],
+        ("as chosen", "", 1): [1.4, 1.5, 1.9],
+        ("as chosen", "", 2): [1.2, 1.4, 1.5],
+        ("batch", "2 passes", 0): [1.0, 1.4, 1.2],
+        ("batch", "2 passes", 1): [1.6, nan, nan],
+        ("batch", "2 passes", 2): [0.1, 0.2, 0.3],
+    }
+    write_study(tmp_path / value_gradients.ABLATION_LOG, learners)
+    summary = summaries.ablation(tmp_path)
+    assert "3 million steps" in summary.title
+    chosen, batch = summary.rows
+    assert chosen[:4] == ("as chosen", "-", "5,377", "3")
+    assert chosen[4].startswith("1.80 [")
+    assert chosen[5:] == ("20.0", "3")
+    assert batch[3] == "3, 1 of them diverged"
+    assert batch[4].startswith("0.50 [")
+    assert batch[5:] == ("never", "1")
+
+
+def test_speeds_by_links(tmp_path):
+    learners = {
+        ("links", "3", 0): [0.5, 0.9, 0.8],
+        ("links", "3", 1): [0.7, 0.6, 0.6],
+        ("links", "10", 0): [1.0, 2.0, 3.0],
+    }
+    write_study(tmp_path / value_gradients.LINKS_LOG, learners)
+    three, ten = summaries.speeds_by_links(tmp_path).rows
+    assert three[:2] == ("3", "2")
+    assert (three[2][:5], three[3][:5], three[4:]) == ("0.70 ", "0.80 ", ("0.90", "30"))
+    assert ten == ("10", "1", "3.00", "3.00", "3.00", "30")
+
+
+def test_lasting_tells_what_became_of_each_peak(tmp_path):
+    learners = {("as chosen", "", 0): [1.0, 2.0, 1.9, 1.95], ("as chosen", "", 1): [1.0, 1.1, 1.2, 1.3]}
+    write_study(tmp_path / value_gradients.LASTING_LOG, learners)
+    assert summaries.lasting(tmp_path).rows == [
+        ("0", "2.000", "2", "1.900", "95.0%", "1.950"),
+        ("1", "1.300", "4", "1.300", "100.0%", "1.300"),
+    ]
 
 
 def test_markdown():

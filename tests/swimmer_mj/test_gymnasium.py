@@ -234,12 +234,17 @@ def test_the_largest_frame_and_the_cameras_are_the_models(make):
     assert {model.camera(i).name for i in range(model.ncam)} == {*swimmer_mj.gymnasium._CAMERAS}
 
 
-@pytest.mark.parametrize("steps", [0, -2])
+@pytest.mark.parametrize("steps", [0, -2, 1.5])
 def test_an_episode_has_a_step_or_no_end(make, steps):
-    with pytest.raises(
-        ValueError, match=f"max_episode_steps must be at least 1, or -1 for never; got {steps}"
-    ):
+    bounds = "unless -1 for never, must be an integer of at least 1"
+    with pytest.raises(ValueError, match=f"max_episode_steps, {bounds}, got {steps}"):
         make(SWIM5, 2, max_episode_steps=steps)
+
+
+@pytest.mark.parametrize("nthread", [-1, 1.5])
+def test_threads_are_a_whole_number(nthread):
+    with pytest.raises(ValueError, match=f"nthread must be an integer of at least 0, got {nthread}"):
+        SwimmerVectorEnv("swim5", 2, nthread=nthread)
 
 
 @pytest.mark.parametrize("num_envs", [0, -1, 1.5])
