@@ -79,7 +79,7 @@ class ValueGradients:
 
 
 class TemporalDifferences:
-    """``swimmer-mj train``: the paper's algorithm with eta 0.04."""
+    """``swimmer-mj train``: the paper's algorithm with a larger learning rate."""
 
     def __init__(self, seed: int) -> None:
         config = TrainConfig(seed=seed)

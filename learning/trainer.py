@@ -43,6 +43,7 @@ from swimmer_mj.learning.vario_eta import VarioEta
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 __all__ = [
+    "ETA",
     "Metrics",
     "Pack",
     "Progress",
@@ -61,6 +62,8 @@ CONFIG, LOG, CHECKPOINT, BEST = "config.json", "metrics.csv", "checkpoint.safete
 SAMPLE_SIZE = 1000
 """States of the initial-state law over which <V>_S and <H^2>_S are taken; those of seed 1."""
 PAPER_NEURONS = 60
+ETA = 0.16
+"""Learning rate of TD(lambda): the best of a sweep with 5 links (docs/what-decides.md); the paper's is 0.01."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,7 @@ class TrainConfig:
     problem: Literal["swim", "pendulum"] = "swim"
     parameters: SwimmerParameters = PAPER
     s_gamma: float = 1.0
-    td: TDSettings = field(default_factory=lambda: TDSettings(eta=0.04))
+    td: TDSettings = field(default_factory=lambda: TDSettings(eta=ETA))
     value_gradient: ValueGradientSettings = field(default_factory=ValueGradientSettings)
     neurons: int = PAPER_NEURONS
     """Of the cascade, the output counted."""

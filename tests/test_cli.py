@@ -13,7 +13,7 @@ from swimmer_mj.cli import main, output, pictures, viewing
 from swimmer_mj.cli.runs import free_directory
 from swimmer_mj.cli.training import parse_seeds, train
 from swimmer_mj.learning.pretrained import pretrained_card, pretrained_names
-from swimmer_mj.learning.trainer import TrainConfig
+from swimmer_mj.learning.trainer import TrainConfig, read_config
 from swimmer_mj.render.curves import read_metrics
 from swimmer_mj.trajectory import Trajectory
 
@@ -342,6 +342,15 @@ def test_train_reports_and_resumes(tmp_path, capsys):
     status, _, err = run(capsys, "train", "--out", out, "--resume", "--trials", "60", "--eta", "0.3")
     assert status == 2
     assert "--resume goes on with the run's own configuration: leave out --eta\n" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "eta"), [([], 0.16), (["--vario-eta"], 0.04), (["--vario-eta", "--eta", "0.01"], 0.01)]
+)
+def test_the_learning_rate_is_smaller_with_vario_eta(tmp_path, capsys, options, eta):
+    out = tmp_path / "run"
+    assert run(capsys, "train", "--out", out, *PENDULUM, *options, "--trials", "5")[0] == 0
+    assert read_config(out).td.eta == eta
 
 
 def test_evaluate(capsys, trained):

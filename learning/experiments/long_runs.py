@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 from swimmer_mj.learning.continuous_td import TDSettings
 from swimmer_mj.learning.experiments.tables import LOGS, write_table
+from swimmer_mj.learning.trainer import ETA, Metrics, Report, TrainConfig, TrainingRun, train_together
 from swimmer_mj.learning.trainer import LOG as METRICS_LOG
-from swimmer_mj.learning.trainer import Metrics, Report, TrainConfig, TrainingRun, train_together
 from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = ["ETAS", "SEEDS", "SWIMMERS", "Swimmer", "collect", "configurations", "open_runs", "run"]
@@ -26,7 +26,7 @@ __all__ = ["ETAS", "SEEDS", "SWIMMERS", "Swimmer", "collect", "configurations", 
 SEEDS = range(8)
 EVALUATE_EVERY = 20_000
 """Trials between rows of the log."""
-ETAS = {"paper": 0.01, "tuned": 0.16}
+ETAS = {"paper": 0.01, "tuned": ETA}
 """The paper's learning rate, and the best of a sweep (docs/what-decides.md)."""
 
 

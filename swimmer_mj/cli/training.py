@@ -61,7 +61,7 @@ def train(
             reference in torch (slow). The default is population for more than 4 seeds, then the faster, else fused.
         neurons: Neurons of the cascade, the output counted; 60 by default for td, as in the paper. Without it,
             value-gradient has two layers of 64.
-        eta: Learning rate of td; 0.04 by default (paper: 0.01, which is slower).
+        eta: Learning rate of td; 0.16 by default, 0.04 with --vario-eta (paper: 0.01, which is slower).
         s_gamma: Shortness factor, 1/s; 1 by default for td, 0.5 for value-gradient.
         s_lambda: Decay of eligibility besides s_gamma, 1/s.
         vario_eta: Adapt the rate of each weight by vario-eta, instead of scaling the output unit's.
@@ -88,12 +88,14 @@ def train(
         raise ValueError(f"--{'vario-eta' if vario_eta else 'eta'} is for --method td")
 
     from swimmer_mj.learning.continuous_td import TDSettings
-    from swimmer_mj.learning.trainer import CONFIG, TrainConfig, TrainingRun, value_gradient_config
+    from swimmer_mj.learning.trainer import CONFIG, ETA, TrainConfig, TrainingRun, value_gradient_config
     from swimmer_mj.learning.vario_eta import VarioEta
     from swimmer_mj.parameters import PAPER, SwimmerParameters
 
+    if eta is None:
+        eta = 0.04 if vario_eta else ETA  # with vario-eta 0.16 diverges
     td = TDSettings(
-        eta=0.04 if eta is None else eta,
+        eta=eta,
         s_lambda=s_lambda,
         output_scaling=not vario_eta,
         vario=VarioEta() if vario_eta else None,
