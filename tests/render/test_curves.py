@@ -90,6 +90,14 @@ def test_learning_curve_draws_each_run_against_trials(metrics, tmp_path):
     assert_png(figure, tmp_path / "curve.png")
 
 
+def test_the_squared_hamiltonian_is_labelled_in_plain_numbers(metrics):
+    figure = learning_curve([("a", metrics())])
+    figure.draw_without_rendering()
+    axis = figure.axes[1].yaxis
+    assert {"0.1", "0.2", "0.5"} <= {tick.label1.get_text() for tick in axis.get_major_ticks()}
+    assert not any(tick.label1.get_text() for tick in axis.get_minor_ticks())
+
+
 def test_learning_curve_marks_the_best_evaluation_and_the_reference(metrics):
     speed = learning_curve([("seed 0", metrics())], reference_speed=0.54).axes[2]
     (star,) = [line for line in speed.lines if line.get_marker() == "*"]
