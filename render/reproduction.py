@@ -414,6 +414,8 @@ def draw_value_bias(logs: Logs = LOGS) -> Figure:
 FIGURES: dict[str, Callable[[Logs], Figure]] = {
     "figure-1": draw_figure_1,
     "figure-2": partial(draw_long_runs, "swim5"),
+    "figure-2-3-links": partial(draw_long_runs, "swim3"),
+    "figure-2-4-links": partial(draw_long_runs, "swim4"),
     "section-3.3": draw_section_3_3,
     "section-3.4": draw_section_3_4,
     "linear": draw_linear,

@@ -1,7 +1,7 @@
 """The pictures of the documentation: figures of the committed logs; with the name of a policy, the README's two.
 
     python tools/docs_pictures.py
-    python tools/docs_pictures.py swim5-paper
+    MUJOCO_GL=osmesa python tools/docs_pictures.py swim5-paper  # without a screen
 
 The policy is seen from above for 13 s; the target direction is reversed after 5 s, as in figure 3 of the paper.
 """

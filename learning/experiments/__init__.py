@@ -53,6 +53,15 @@ EXPERIMENTS: dict[str, Experiment] = {
             partial(long_runs.run, "swim5"),
             ("swim5.csv",),
         ),
+        *(
+            Experiment(
+                f"figure-2-{n}-links",
+                f"the same with {n} links",
+                partial(long_runs.run, f"swim{n}"),
+                (f"swim{n}.csv",),
+            )
+            for n in (3, 4)
+        ),
         Experiment(
             "section-3.3",
             "noise of output connections over that of internal ones against the number of neurons",

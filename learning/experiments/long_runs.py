@@ -2,7 +2,8 @@
 
     swimmer-mj figures figure-2 --rerun --out DIRECTORY
 
-starts what is not there and goes on with what is, until each run has its trials. The sixteen runs of a swimmer are one
+(figure-2-3-links and figure-2-4-links for the others) starts what is not there and goes on with what is, until each run
+has its trials. The sixteen runs of a swimmer are one
 pack of :mod:`swimmer_mj.learning.population`; what a run computes depends neither on interruptions nor on the others.
 To use a machine's cores, run the three swimmers at once.
 """
@@ -43,8 +44,8 @@ class Swimmer(NamedTuple):
 
 
 SWIMMERS = {
-    "swim3": Swimmer(3, 30, {"paper": 1_000_000, "tuned": 1_000_000}, 1.0e6),
-    "swim4": Swimmer(4, 60, {"paper": 1_000_000, "tuned": 1_000_000}, 4.7e5),
+    "swim3": Swimmer(3, 30, {"paper": 400_000, "tuned": 400_000}, 1.0e6),
+    "swim4": Swimmer(4, 60, {"paper": 300_000, "tuned": 300_000}, 4.7e5),
     "swim5": Swimmer(5, 60, {"paper": 3_000_000, "tuned": 1_000_000}, 4.38e5),
 }
 

@@ -100,10 +100,15 @@ def trials_to(table: Table, preset: str, share: float) -> Array:
     )
 
 
-def _thousands(trials: Array) -> str:
+def _count(trials: float) -> str:
+    """In thousands or millions."""
+    return f"{trials / 1e6:.2f}M" if trials >= 1e6 else f"{trials / 1e3:.0f}k"
+
+
+def _counts(trials: Array) -> str:
     """Median and quartiles over seeds."""
-    low, middle, high = np.quantile(trials, [0.25, 0.5, 0.75]) / 1e3
-    return f"{middle:,.0f}k [{low:,.0f}k, {high:,.0f}k]"
+    low, middle, high = map(_count, np.quantile(trials, [0.25, 0.5, 0.75]))
+    return f"{middle} [{low}, {high}]"
 
 
 def learning_times(name: str, logs: Logs = LOGS) -> Summary:
@@ -119,24 +124,24 @@ def learning_times(name: str, logs: Logs = LOGS) -> Summary:
         if preset not in table["preset"]:
             continue
         runs = peaks(table, preset)
-        label = f"eta {eta:g}, {len(runs)} {'seed' if len(runs) == 1 else 'seeds'}"
+        label = f"{eta:g}, {len(runs)} {'seed' if len(runs) == 1 else 'seeds'}"
         top = np.array([run.peak for run in runs])
         for share in (*SHARES, 1.0):
             trials = trials_to(table, preset, share)
             speed = mean_and_interval_text(share * top)
-            rows.append((label, f"{share:.0%}", speed, _thousands(trials), hours(float(np.median(trials)))))
+            rows.append((label, f"{share:.0%}", speed, _counts(trials), hours(float(np.median(trials)))))
         last = np.array([run.last for run in runs])
         end = min(run.end for run in runs)
-        kept = f"{float(np.median(last / top)):.0%} at the end"
-        rows.append((label, kept, mean_and_interval_text(last), f"{end / 1e3:,.0f}k", hours(end)))
+        kept = f"last: {float(np.median(last / top)):.0%}"
+        rows.append((label, kept, mean_and_interval_text(last), _count(end), hours(end)))
     if name == "swim5":
-        rows.append(("the paper, one run", "100%", "-", "2,500k", "168, at 800 MHz"))
-        rows.append(("the paper, one run", "collapsed at the end", "-", "-", "-"))
+        rows.append(("paper, 1 run", "100%", "-", "2.50M", "168"))
+        rows.append(("paper, 1 run", "collapsed", "-", "-", "-"))
     return Summary(
-        f"{swimmer.links} links, {swimmer.neurons} neurons: when each run first had a share of its own top speed; "
-        "speeds are means over seeds [95 % interval], trials and what is left at the end medians [quartiles]; "
-        f"hours are of one learner alone on one core, {swimmer.steps_per_s:,.0f} steps/s",
-        ("run", "of its top speed", "m/s", "trials", "hours"),
+        f"{swimmer.links} links, {swimmer.neurons} neurons: when a run first had a share of its own top speed; "
+        "speeds are means over seeds [95 % interval], trials, and the last share, are medians [quartiles]; "
+        f"hours are of one learner alone on one core, {swimmer.steps_per_s:,.0f} steps/s (the paper's at 800 MHz)",
+        ("eta", "share", "m/s", "trials", "hours"),
         rows,
     )
 
@@ -272,6 +277,8 @@ def lasting(logs: Logs = LOGS) -> Summary:
 
 TABLES: dict[str, Callable[[Logs], Summary]] = {
     "figure-2": partial(learning_times, "swim5"),
+    "figure-2-3-links": partial(learning_times, "swim3"),
+    "figure-2-4-links": partial(learning_times, "swim4"),
     "section-3.3": noise_ratios,
     "what-decides": speeds_by_setting,
 }

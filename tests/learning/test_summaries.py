@@ -50,16 +50,16 @@ def test_trials_to_a_share_of_the_top_speed(tmp_path, share, trials):
 def test_learning_times(tmp_path):
     write_long_runs(tmp_path, "swim5", RUNS)
     rows = summaries.learning_times("swim5", tmp_path).rows
-    paper = [row for row in rows if row[0] == "eta 0.01, 2 seeds"]
-    assert [row[1] for row in paper] == ["50%", "80%", "95%", "100%", "95% at the end"]
+    paper = [row for row in rows if row[0] == "0.01, 2 seeds"]
+    assert [row[1] for row in paper] == ["50%", "80%", "95%", "100%", "last: 95%"]
     assert paper[3][2].startswith("1.15 [")
     # 80,000 trials of 500 steps at 438,000 steps/s
     assert paper[3][3:] == ("80k [70k, 90k]", "0.03")
     assert paper[4][3] == "100k"
-    tuned = [row for row in rows if row[0] == "eta 0.16, 1 seed"]
+    tuned = [row for row in rows if row[0] == "0.16, 1 seed"]
     assert tuned[3][1:4] == ("100%", "2.00", "20k [20k, 20k]")
-    assert tuned[4][1:4] == ("50% at the end", "1.00", "40k")
-    assert rows[-2][3] == "2,500k"
+    assert tuned[4][1:4] == ("last: 50%", "1.00", "40k")
+    assert rows[-2][3:] == ("2.50M", "168")
 
 
 def test_learning_times_of_other_swimmers_have_no_row_of_the_paper(tmp_path):
