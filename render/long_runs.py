@@ -76,15 +76,15 @@ def draw_long_runs(name: str, logs: Logs = LOGS) -> Figure:
     for preset in present:
         color, _ = PRESETS[preset]
         for run in peaks(table, preset):
-            fall.plot([x, x], [run.lowest_after, run.peak], color=color, linewidth=1.0, alpha=0.6)
+            fall.plot([x, x], [run.fell_to, run.fell_from], color=color, linewidth=1.0, alpha=0.6)
             fall.plot(x, run.peak, "o", color=color, markersize=5, label="peak" if x == 0 else None)
             fall.plot(
                 x,
-                run.lowest_after,
+                run.fell_to,
                 "_",
                 color=color,
                 markersize=9,
-                label="lowest after it" if x == 0 else None,
+                label="deepest fall from the best until then" if x == 0 else None,
             )
             fall.plot(
                 x,

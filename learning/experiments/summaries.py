@@ -68,6 +68,10 @@ class Peak(NamedTuple):
     """Trials, or steps of simulation, then."""
     lowest_after: float
     """Lowest speed at a later evaluation, m/s; the peak itself if it is the last."""
+    fell_from: float
+    """The best until then, when the run was furthest below its best so far, m/s."""
+    fell_to: float
+    """Speed then."""
     last: float
     """Speed at the last evaluation, m/s."""
     end: float
@@ -84,7 +88,10 @@ def _peak(run: Table, clock: str) -> Peak:
     """Of the rows of one run, whose column ``clock`` says when."""
     at, speed = run[clock], run["speed"]
     best = int(np.argmax(speed))
-    numbers = speed[best], at[best], speed[best:].min(), speed[-1], at[-1]
+    best_so_far = np.maximum.accumulate(speed)
+    fall = int(np.argmax(best_so_far - speed))
+    fell = best_so_far[fall], speed[fall]
+    numbers = speed[best], at[best], speed[best:].min(), *fell, speed[-1], at[-1]
     return Peak(int(run["seed"][0]), *map(float, numbers))
 
 

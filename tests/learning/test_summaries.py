@@ -31,10 +31,17 @@ def test_peaks_and_what_became_of_them(tmp_path):
     write_long_runs(tmp_path, "swim5", RUNS)
     table = read_table(tmp_path / "swim5.csv")
     assert summaries.peaks(table, "paper") == [
-        summaries.Peak(0, 1.0, 60_000, 0.4, 0.9, 100_000),
-        summaries.Peak(1, 1.3, 100_000, 1.3, 1.3, 100_000),
+        summaries.Peak(0, 1.0, 60_000, 0.4, 1.0, 0.4, 0.9, 100_000),
+        summaries.Peak(1, 1.3, 100_000, 1.3, 0.8, 0.8, 1.3, 100_000),
     ]
-    assert summaries.peaks(table, "tuned") == [summaries.Peak(0, 2.0, 20_000, 1.0, 1.0, 40_000)]
+    assert summaries.peaks(table, "tuned") == [summaries.Peak(0, 2.0, 20_000, 1.0, 2.0, 1.0, 1.0, 40_000)]
+
+
+def test_a_fall_before_the_peak_is_a_fall(tmp_path):
+    write_long_runs(tmp_path, "swim5", {("paper", 0): [0.5, 0.9, 0.1, 0.8, 1.2, 1.0]})
+    (peak,) = summaries.peaks(read_table(tmp_path / "swim5.csv"), "paper")
+    assert (peak.peak, peak.lowest_after) == (1.2, 1.0)
+    assert (peak.fell_from, peak.fell_to) == (0.9, 0.1)
 
 
 @pytest.mark.parametrize(

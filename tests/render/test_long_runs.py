@@ -28,7 +28,7 @@ def test_long_runs_show_medians_and_what_became_of_each_peak(tmp_path, check_who
     assert value.lines[0].get_ydata() == pytest.approx([0.1, 1.1, 2.1])
     falls = [line.get_ydata() for line in fall.lines if len(line.get_xdata()) == 2]
     assert np.array(falls) == pytest.approx(
-        np.array([[0.3, 0.9], [0.6, 0.6], [0.8, 0.8], [1.5, 1.5], [1.4, 1.4]])
+        np.array([[0.3, 0.9], [0.4, 0.4], [0.1, 0.3], [1.0, 1.0], [0.5, 0.5]])
     )
     check_whole(figure)
 
