@@ -43,7 +43,7 @@ def _runs(axes: Axes, table: Table, quantity: str, color: str, label: str) -> No
 
 
 def draw_long_runs(name: str, logs: Logs = LOGS) -> Figure:
-    """Mean value, mean squared Hamiltonian and speed against trials; below, the peak and the end of each seed."""
+    """Mean value, mean squared Hamiltonian and speed against trials; below, the peak and fall of each seed."""
     table = read_table(Path(logs) / f"{name}.csv")
     present = [preset for preset in PRESETS if preset in table["preset"]]
     figure = Figure(figsize=(8.0, 9.6), layout="constrained")
