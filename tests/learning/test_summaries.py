@@ -38,7 +38,7 @@ def test_peaks_and_what_became_of_them(tmp_path):
 
 
 def test_a_fall_before_the_peak_is_a_fall(tmp_path):
-    write_long_runs(tmp_path, "swim5", {("paper", 0): [0.5, 0.9, 0.1, 0.8, 1.2, 1.0]})
+    write_long_runs(tmp_path, "swim5", {("paper", 0): [0.05, 0.9, 0.1, 0.8, 1.2, 1.0]})
     (peak,) = summaries.peaks(read_table(tmp_path / "swim5.csv"), "paper")
     assert (peak.peak, peak.lowest_after) == (1.2, 1.0)
     assert (peak.fell_from, peak.fell_to) == (0.9, 0.1)
