@@ -56,7 +56,7 @@ EXPERIMENTS: dict[str, Experiment] = {
         *(
             Experiment(
                 f"figure-2-{n}-links",
-                f"the same with {n} links",
+                f"figure 2 with {n} links",
                 partial(long_runs.run, f"swim{n}"),
                 (f"swim{n}.csv",),
             )

@@ -3,9 +3,8 @@
     swimmer-mj figures figure-2 --rerun --out DIRECTORY
 
 (figure-2-3-links and figure-2-4-links for the others) starts what is not there and goes on with what is, until each run
-has its trials. The sixteen runs of a swimmer are one
-pack of :mod:`swimmer_mj.learning.population`; what a run computes depends neither on interruptions nor on the others.
-To use a machine's cores, run the three swimmers at once.
+has its trials. The sixteen runs of a swimmer are one pack of :mod:`swimmer_mj.learning.population`; what a run computes
+depends neither on interruptions nor on the others. To use a machine's cores, run the three swimmers at once.
 """
 
 from __future__ import annotations

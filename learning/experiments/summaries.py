@@ -239,7 +239,7 @@ def ablation(logs: Logs = LOGS) -> Summary:
     steps = float(table["simulation_steps"].max()) / 1e6
     return Summary(
         f"value gradients with one setting changed at a time, {steps:.0f} million steps of simulation; a learner that "
-        f"diverged counts as 0 m/s; seconds are of one core, median over seeds",
+        "diverged counts as 0 m/s; seconds are of one core, median over seeds",
         ("factor", "setting", "weights", "seeds", "speed at the end, m/s", f"s to {FAST} m/s", "seeds there"),
         rows,
     )
