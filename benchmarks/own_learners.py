@@ -31,7 +31,7 @@ from swimmer_mj.parameters import PAPER
 
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "own-learners.csv"
 SECONDS = {"value-gradient": 90.0, "td": 400.0}
-FIRST_LOOK = 1.0  # s
+FIRST_LOOK = {"value-gradient": 1.0, "td": 10.0}  # s
 GROWTH = 1.15  # of the time from look to look
 TRIALS = 20  # of TD(lambda) between looks at the clock
 
@@ -116,7 +116,7 @@ def run(name: str, seed: int, seconds: float) -> list[Row]:
     """Learn for so much processor time, with looks in between that do not count."""
     learner: Learner = LEARNERS[name](seed)
     rows: list[Row] = []
-    clock, look = Clock(), FIRST_LOOK
+    clock, look = Clock(), FIRST_LOOK[name]
     while clock.read()[0] < seconds:
         learner.learn()
         if clock.read()[0] >= min(look, seconds):

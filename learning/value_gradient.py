@@ -174,7 +174,7 @@ class ValueGradientSettings:
     """Of Adam, in the first round."""
     half_life: float = 500.0
     """Rounds after which the learning rate is halved."""
-    final_rate: float = 1e-4
+    final_rate: float = 1e-5
     """Learning rate below which it does not fall."""
     clip: float = 1.0
     """Largest norm of a gradient step."""

@@ -13,7 +13,7 @@ from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 
 from swimmer_mj import state as st
-from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, log_y_axis, plain_axes
+from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, log_axis, plain_axes
 from swimmer_mj.trajectory import Trajectory
 
 __all__ = ["METRICS", "OPEN_LOOP_SPEED", "learning_curve", "read_metrics", "rollout_plot"]
@@ -100,7 +100,7 @@ def learning_curve(
     speed.set_xlabel("trials")
     speed.xaxis.set_major_formatter(EngFormatter(sep=""))
     if all((run["mean_squared_hamiltonian"] > 0).any() for _, run in metrics):
-        log_y_axis(hamiltonian)
+        log_axis(hamiltonian, "y")
     if len(metrics) > 1:
         columns = min(len(metrics), 4)
         value.legend(frameon=False, fontsize=9, ncols=columns, loc="lower left", bbox_to_anchor=(0, 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from typing import Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from swimmer_mj.files import replacing
 
-__all__ = ["BLUE", "COLORS", "GREY", "INK", "ORANGE", "log_y_axis", "plain_axes", "save_figure"]
+__all__ = ["BLUE", "COLORS", "GREY", "INK", "ORANGE", "log_axis", "plain_axes", "save_figure"]
 
 BLUE, ORANGE, INK, GREY = "#0072b2", "#d55e00", "#1a1a1a", "#8c8c8c"
 COLORS = (BLUE, ORANGE, "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000", "#6a3d9a")
@@ -25,12 +26,13 @@ def plain_axes(axes: Axes) -> None:
     axes.margins(x=0.01)
 
 
-def log_y_axis(axes: Axes) -> None:
-    """A logarithmic y axis that is labelled at 1, 2 and 5 times the powers of ten, in plain numbers."""
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter(NullFormatter())
+def log_axis(axes: Axes, which: Literal["x", "y"]) -> None:
+    """A logarithmic axis that is labelled at 1, 2 and 5 times the powers of ten, in plain numbers."""
+    axes.set(**{f"{which}scale": "log"})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str], dpi: float = 150.0) -> None:

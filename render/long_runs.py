@@ -16,7 +16,7 @@ from swimmer_mj.learning.experiments import what_decides
 from swimmer_mj.learning.experiments.long_runs import ETAS
 from swimmer_mj.learning.experiments.summaries import peaks
 from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where, settings_of
-from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, log_y_axis, plain_axes
+from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, log_axis, plain_axes
 
 __all__ = ["draw_long_runs", "draw_what_decides"]
 
@@ -63,7 +63,7 @@ def draw_long_runs(name: str, logs: Logs = LOGS) -> Figure:
         axes.sharex(value)
     for axes in (value, hamiltonian, speed):
         axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-    log_y_axis(hamiltonian)
+    log_axis(hamiltonian, "y")
     speed.set_ylim(bottom=min(0.0, speed.get_ylim()[0]))
     value.set_ylabel(r"$\langle V \rangle_S$  (m)")
     hamiltonian.set_ylabel(r"$\langle H^2 \rangle_S$  (m$^2$/s$^2$)")

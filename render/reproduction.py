@@ -28,6 +28,7 @@ from swimmer_mj.render.bands import NAMES, band, quartiles
 from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, plain_axes
 from swimmer_mj.render.long_runs import draw_long_runs, draw_what_decides
 from swimmer_mj.render.second_order import draw_section_3_4
+from swimmer_mj.render.value_gradients import draw_ablation, draw_lasting, draw_links
 
 __all__ = [
     "FIGURES",
@@ -422,5 +423,8 @@ FIGURES: dict[str, Callable[[Logs], Figure]] = {
     "hamiltonian": draw_hamiltonian,
     "value-bias": draw_value_bias,
     "what-decides": draw_what_decides,
+    "value-gradient-ablation": draw_ablation,
+    "value-gradient-links": draw_links,
+    "value-gradient-lasting": draw_lasting,
 }
 """What draws the logs of each experiment."""

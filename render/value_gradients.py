@@ -15,7 +15,7 @@ from swimmer_mj.learning.evaluation import mean_and_interval
 from swimmer_mj.learning.experiments import value_gradients
 from swimmer_mj.learning.experiments.summaries import FAST, learners
 from swimmer_mj.learning.experiments.tables import LOGS, read_table, rows_where, settings_of
-from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, plain_axes
+from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, log_axis, plain_axes
 
 __all__ = ["draw_ablation", "draw_lasting", "draw_links"]
 
@@ -56,7 +56,8 @@ def draw_ablation(logs: Logs = LOGS) -> Figure:
                 f"{len(reached)} of {len(seeds)}",
                 (1, y),
                 xycoords=("axes fraction", "data"),
-                ha="right",
+                xytext=(3, 0),
+                textcoords="offset points",
                 va="center",
                 fontsize=8,
                 color=INK,
@@ -71,8 +72,7 @@ def draw_ablation(logs: Logs = LOGS) -> Figure:
     speed.set_xlim(left=min(0.0, speed.get_xlim()[0]))
     steps = float(table["simulation_steps"].max()) / 1e6
     speed.set_xlabel(f"swimming speed after {steps:.0f} million steps  (m/s)")
-    time.set_xscale("log")
-    time.xaxis.set_major_formatter(EngFormatter(sep=""))
+    log_axis(time, "x")
     time.set_xlabel(f"processor time to {FAST} m/s  (s)")
     figure.suptitle(f"{n_seeds} seeds: each, mean and 95 % interval of the mean", fontsize=10)
     return figure
@@ -105,6 +105,7 @@ def draw_links(logs: Logs = LOGS) -> Figure:
     curves.set_ylabel("swimming speed  (m/s)")
     curves.set_ylim(bottom=0)
     best.set_xticks(numbers)
+    best.margins(x=0.1)
     best.set_xlabel("links")
     best.set_title("best of each seed, mean and 95 % interval", fontsize=9)
     figure.legend(*curves.get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)

@@ -1,4 +1,4 @@
-"""Experiments on the paper's claims: each recomputes its logs from scratch, with explicit seeds.
+"""Experiments on the paper's claims and on value gradients: each recomputes its logs from scratch, with explicit seeds.
 
 ``EXPERIMENTS[name].run(directory)`` writes the CSV files ``EXPERIMENTS[name].logs`` in a directory, by default that
 of the committed ones; ``swimmer_mj.render.reproduction.FIGURES[name](directory)`` draws them.
@@ -18,6 +18,7 @@ from swimmer_mj.learning.experiments import (
     section_3_3,
     section_3_4,
     value_bias,
+    value_gradients,
     what_decides,
 )
 from swimmer_mj.learning.experiments.tables import LOGS
@@ -102,6 +103,24 @@ EXPERIMENTS: dict[str, Experiment] = {
             "speed of the swimmer with one choice changed at a time",
             what_decides.run,
             (what_decides.LOG,),
+        ),
+        Experiment(
+            "value-gradient-ablation",
+            "value gradients with one setting changed at a time",
+            value_gradients.ablation,
+            (value_gradients.ABLATION_LOG,),
+        ),
+        Experiment(
+            "value-gradient-links",
+            "value gradients with 3, 4, 5, 6 and 10 links",
+            value_gradients.links,
+            (value_gradients.LINKS_LOG,),
+        ),
+        Experiment(
+            "value-gradient-lasting",
+            "value gradients ten times longer than to the peak",
+            value_gradients.lasting,
+            (value_gradients.LASTING_LOG,),
         ),
     )
 }

@@ -25,6 +25,7 @@ __all__ = [
     "Peak",
     "Summary",
     "ablation",
+    "gain_at_equal_time",
     "lasting",
     "learners",
     "learning_times",
@@ -213,13 +214,30 @@ def learners(table: Table) -> list[Table]:
     return [rows_where(still, seed=float(seed)) for seed in np.unique(table["seed"])]
 
 
+def gain_at_equal_time(ones: list[Table], others: list[Table]) -> Array:
+    """By how much ``ones`` are faster than ``others`` of the same seed when they had as much processor time, m/s.
+
+    Which is when the first of both ends; speeds are interpolated between looks. Shape (seeds of both,).
+    """
+    of_seed = {float(other["seed"][0]): other for other in others}
+    gains = []
+    for one in ones:
+        if (other := of_seed.get(float(one["seed"][0]))) is not None:
+            time = min(one["cpu_seconds"][-1], other["cpu_seconds"][-1])
+            speed, its = (np.interp(time, run["cpu_seconds"], run["speed"]) for run in (one, other))
+            gains.append(speed - its)
+    return np.array(gains)
+
+
 def ablation(logs: Logs = LOGS) -> Summary:
-    """Value gradients with one setting changed: speed at the end, and time until they are fast."""
+    """Value gradients with one setting changed: speed at the end and at equal time, and time until they are fast."""
     table = read_table(Path(logs) / value_gradients.ABLATION_LOG)
     rows = []
+    chosen: list[Table] = []
     for factor, setting in settings_of(table):
         of_setting = rows_where(table, factor=factor, setting=setting)
         seeds = learners(of_setting)
+        chosen = chosen or seeds
         lost = len(np.unique(of_setting["seed"][np.isnan(of_setting["speed"])]))
         fast = [one["cpu_seconds"][one["speed"] >= FAST] for one in seeds]
         times = np.array([at[0] if len(at) else np.inf for at in fast])
@@ -232,6 +250,7 @@ def ablation(logs: Logs = LOGS) -> Summary:
                 f"{of_setting['weights'][0]:,.0f}",
                 f"{len(seeds)}, {lost} of them diverged" if lost else str(len(seeds)),
                 mean_and_interval_text(np.array([one["speed"][-1] for one in seeds])),
+                "-" if seeds is chosen else mean_and_interval_text(gain_at_equal_time(seeds, chosen)),
                 f"{median:.1f}" if np.isfinite(median) else "never",
                 str(there),
             )
@@ -239,8 +258,18 @@ def ablation(logs: Logs = LOGS) -> Summary:
     steps = float(table["simulation_steps"].max()) / 1e6
     return Summary(
         f"value gradients with one setting changed at a time, {steps:.0f} million steps of simulation; a learner that "
-        "diverged counts as 0 m/s; seconds are of one core, median over seeds",
-        ("factor", "setting", "weights", "seeds", "speed at the end, m/s", f"s to {FAST} m/s", "seeds there"),
+        "diverged counts as 0 m/s; gain: on the settings as chosen, with as much processor time and the same seed; "
+        "seconds are of one core, median over seeds",
+        (
+            "factor",
+            "setting",
+            "weights",
+            "seeds",
+            "speed at the end, m/s",
+            "gain, m/s",
+            f"s to {FAST} m/s",
+            "seeds there",
+        ),
         rows,
     )
 
@@ -265,19 +294,29 @@ def speeds_by_links(logs: Logs = LOGS) -> Summary:
 
 
 def lasting(logs: Logs = LOGS) -> Summary:
-    """Value gradients, ten times as long as they need: the peak of each seed, and what became of it."""
+    """Value gradients, ten times as long as they need: when each seed had learned, and how far it fell since."""
     table = read_table(Path(logs) / value_gradients.LASTING_LOG)
     rows = []
-    for run in (_peak(one, "simulation_steps") for one in learners(table)):
-        kept = f"{run.lowest_after / run.peak:.1%}"
-        million = f"{run.at / 1e6:.0f}"
+    for one in learners(table):
+        run = _peak(one, "simulation_steps")
+        learned = int(np.argmax(one["speed"] >= 0.95 * run.peak))
+        best = np.maximum.accumulate(one["speed"])
+        kept = float(np.min((one["speed"] / np.where(best > 0, best, 1.0))[learned:]))
         rows.append(
-            (str(run.seed), f"{run.peak:.3f}", million, f"{run.lowest_after:.3f}", kept, f"{run.last:.3f}")
+            (
+                str(run.seed),
+                f"{one['simulation_steps'][learned] / 1e6:.0f}",
+                f"{run.peak:.3f}",
+                f"{run.at / 1e6:.0f}",
+                f"{kept:.1%}",
+                f"{run.last:.3f}",
+            )
         )
     steps = float(table["simulation_steps"].max()) / 1e6
     return Summary(
-        f"value gradients for {steps:.0f} million steps of simulation, a look each million",
-        ("seed", "peak, m/s", "after million steps", "lowest after it", "of the peak", "last"),
+        f"value gradients for {steps:.0f} million steps of simulation, a look each million; at 95 %: millions until "
+        "95 % of the peak; lowest since: share of the best until then",
+        ("seed", "at 95 %", "peak, m/s", "at", "lowest since", "last, m/s"),
         rows,
     )
 
@@ -288,5 +327,8 @@ TABLES: dict[str, Callable[[Logs], Summary]] = {
     "figure-2-4-links": partial(learning_times, "swim4"),
     "section-3.3": noise_ratios,
     "what-decides": speeds_by_setting,
+    "value-gradient-ablation": ablation,
+    "value-gradient-links": speeds_by_links,
+    "value-gradient-lasting": lasting,
 }
 """What sums up the logs of each experiment that has a table."""

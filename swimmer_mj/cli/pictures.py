@@ -109,7 +109,7 @@ def figures(
     out: Path = Path("figures"),
     json: bool = False,
 ) -> None:
-    """Draw the paper's figures and claims, from the logs that come with the package or from scratch.
+    """Draw the paper's figures and claims, and value gradients', from the package's logs or from scratch.
 
     Args:
         names: Which; all of them by default, and their names where one is unknown.

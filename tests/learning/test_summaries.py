@@ -127,10 +127,22 @@ def test_ablation(tmp_path):
     chosen, batch = summary.rows
     assert chosen[:4] == ("as chosen", "-", "5,377", "3")
     assert chosen[4].startswith("1.80 [")
-    assert chosen[5:] == ("20.0", "3")
+    assert chosen[5:] == ("-", "20.0", "3")
     assert batch[3] == "3, 1 of them diverged"
     assert batch[4].startswith("0.50 [")
-    assert batch[5:] == ("never", "1")
+    assert batch[5].startswith("-1.30 [")  # -0.8, -1.9, -1.2
+    assert batch[6:] == ("never", "1")
+
+
+def test_gain_at_equal_time():
+    def run(seed, times, speeds):
+        return {"seed": np.full(2, float(seed)), "cpu_seconds": np.array(times), "speed": np.array(speeds)}
+
+    slow = [run(0, [10.0, 40.0], [0.5, 1.1]), run(1, [1.0, 2.0], [0.0, 0.25])]
+    quick = [run(1, [1.0, 3.0], [0.5, 1.5]), run(0, [10.0, 20.0], [1.0, 2.0]), run(2, [1.0, 2.0], [9.0, 9.0])]
+    # seed 0 after 20 s: 0.7 against 2.0; seed 1 after 2 s: 0.25 against 1.0
+    assert summaries.gain_at_equal_time(slow, quick) == pytest.approx([-1.3, -0.75])
+    assert summaries.gain_at_equal_time(quick, slow) == pytest.approx([0.75, 1.3])
 
 
 def test_speeds_by_links(tmp_path):
@@ -146,12 +158,15 @@ def test_speeds_by_links(tmp_path):
     assert ten == ("10", "1", "3.00", "3.00", "3.00", "30")
 
 
-def test_lasting_tells_what_became_of_each_peak(tmp_path):
-    learners = {("as chosen", "", 0): [1.0, 2.0, 1.9, 1.95], ("as chosen", "", 1): [1.0, 1.1, 1.2, 1.3]}
+def test_lasting_tells_when_each_seed_had_learned_and_how_far_it_fell_since(tmp_path):
+    learners = {
+        ("as chosen", "", 0): [1.0, 0.5, 1.95, 2.0, 1.8, 1.95],
+        ("as chosen", "", 1): [1.0, 1.1, 1.2, 1.1, 1.25, 1.3],
+    }
     write_study(tmp_path / value_gradients.LASTING_LOG, learners)
     assert summaries.lasting(tmp_path).rows == [
-        ("0", "2.000", "2", "1.900", "95.0%", "1.950"),
-        ("1", "1.300", "4", "1.300", "100.0%", "1.300"),
+        ("0", "3", "2.000", "4", "90.0%", "1.950"),
+        ("1", "5", "1.300", "6", "100.0%", "1.300"),
     ]
 
 
