@@ -247,7 +247,7 @@ def links(
     seeds: Sequence[int] = SEEDS,
     report: Callable[[str], None] = lambda line: None,
 ) -> None:
-    """3 to 10 links; 10 million steps each. Some 55 minutes of one core."""
+    """3 to 10 links; 10 million steps each. Some 35 minutes of one core."""
     run_study(Path(directory) / LINKS_LOG, variants, looks, seeds, report)
 
 
