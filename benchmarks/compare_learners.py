@@ -32,7 +32,7 @@ RESULTS = tuple(ROOT / "benchmarks" / "results" / name for name in ("own-learner
 PLOT = ROOT / "docs" / "images" / "learners.png"
 NAMES = {
     "value-gradient": "value gradients",
-    "td": r"TD($\lambda$), the paper's",
+    "td": r"TD($\lambda$), $\eta$ = 0.16",
     "ppo": "PPO",
     "sac": "SAC",
     "td3": "TD3",
@@ -72,11 +72,14 @@ class Reached(NamedTuple):
     """By each seed, shape (seeds,); infinite where it did not get there."""
     given: Array
     """What each seed was given, shape (seeds,)."""
+    at_first_look: int
+    """How many were there when they were first looked at, and may have been there before."""
 
     @property
     def got_there(self) -> str:
         """How many seeds got there."""
-        return f"{np.isfinite(self.spent).sum()} of {len(self.spent)}"
+        text = f"{np.isfinite(self.spent).sum()} of {len(self.spent)}"
+        return f"{text}, {self.at_first_look} by the first look" if self.at_first_look else text
 
     @property
     def median(self) -> float:
@@ -91,12 +94,13 @@ class Reached(NamedTuple):
 
 def reached(curves: Sequence[Curve], speed: float, quantity: str) -> Reached:
     """What each curve had spent of a quantity at its first look at a speed."""
-    spent, given = [], []
+    spent, given, at_first_look = [], [], 0
     for curve in curves:
         fast, amount = curve.speed >= speed, getattr(curve, quantity)
         spent.append(amount[np.argmax(fast)] if fast.any() else np.inf)
         given.append(amount[-1])
-    return Reached(np.array(spent), np.array(given))
+        at_first_look += bool(fast[0])
+    return Reached(np.array(spent), np.array(given), at_first_look)
 
 
 def number(value: float) -> str:
@@ -105,9 +109,9 @@ def number(value: float) -> str:
 
 
 def mean_words(values: Array, unit: str) -> str:
-    """Mean and, of several values, bootstrap 95 % interval."""
-    if len(values) == 1:
-        return f"{number(values[0])} {unit}"
+    """Mean and bootstrap 95 % interval; of a few, which have none to speak of, each."""
+    if len(values) < 5:
+        return f"{', '.join(map(number, values))} {unit}"
     mean, (low, high) = mean_and_interval(values)
     return f"{number(mean)} {unit} [{number(low)}, {number(high)}]"
 
@@ -118,10 +122,13 @@ def median_words(what: Reached, unit: str, scale: float = 1.0) -> str:
 
 
 def words(what: Reached, unit: str, scale: float) -> str:
-    """Mean where all seeds got there, else the median; and how many got there."""
-    all_there = np.isfinite(what.spent).all()
-    text = mean_words(scale * what.spent, unit) if all_there else median_words(what, unit, scale)
-    return f"{text}, {what.got_there}"
+    """Median over all seeds, their mean where all got there, and how many got there."""
+    texts = [median_words(what, unit, scale), what.got_there]
+    if np.isfinite(what.spent).all():
+        texts.insert(
+            1, f"{'mean' if len(what.spent) >= 5 else 'each'} {mean_words(scale * what.spent, unit)}"
+        )
+    return "; ".join(texts)
 
 
 def ratio_words(ours: Reached, name: str, other: Reached, unit: str) -> str:

@@ -122,12 +122,22 @@ def print_table(rows: list[tuple[int, str, float]], console: Console) -> None:
 
 
 def read(out: Path) -> list[tuple[int, str, float]]:
-    """The rows of the CSV so far; an empty one is made where there is none."""
+    """The rows of the CSV so far."""
     if not out.exists():
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(",".join(COLUMNS) + "\n")
+        return []
     with out.open(newline="") as file:
         return [(int(row["seed"]), row["change"], float(row["speed"])) for row in csv.DictReader(file)]
+
+
+def append(out: Path, rows: list[tuple[int, str, float]]) -> None:
+    """Add the rows of a seed to the CSV."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    new = not out.exists()
+    with out.open("a", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        if new:
+            writer.writerow(COLUMNS)
+        writer.writerows((seed, change, f"{speed:.4f}") for seed, change, speed in rows)
 
 
 def main(
@@ -145,20 +155,17 @@ def main(
     torch.set_num_threads(1)
     console = Console()
     done = {seed for seed, *_ in read(out)}
-    for seed in seeds:
-        if seed in done:
-            continue
+    if known := sorted(done & {*seeds}):
+        console.print(f"{out} has seeds {', '.join(map(str, known))}; --out FILE evaluates those of {run}")
+    for seed in (seed for seed in seeds if seed not in done):
         policy, config, _ = load_policy(run / f"seed-{seed}")
         if config.problem != "swim" or config.parameters != PAPER:
             raise SystemExit(f"{run}/seed-{seed} is not a run of the paper's swimmer of 5 links")
         act = quick(policy)
-        rows = [(change, swimming_speed(act, swimmer).mean) for change, swimmer in changed_swimmers()]
-        rows.append((f"steps of {CONTROL_TIMESTEP / FINER} s", speed_with_finer_steps(act)))
-        with out.open("a", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows(
-                (seed, change, f"{speed:.4f}") for change, speed in rows
-            )
-        console.print(f"seed {seed}: {rows[0][1]:.3f} m/s, {rows[-1][1]:.3f} m/s with finer steps")
+        rows = [(seed, change, swimming_speed(act, swimmer).mean) for change, swimmer in changed_swimmers()]
+        rows.append((seed, f"steps of {CONTROL_TIMESTEP / FINER} s", speed_with_finer_steps(act)))
+        append(out, rows)
+        console.print(f"seed {seed}: {rows[0][2]:.3f} m/s, {rows[-1][2]:.3f} m/s with finer steps")
     print_table(read(out), console)
 
 

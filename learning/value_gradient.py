@@ -148,7 +148,7 @@ def weight_of_round(k: int, share: float) -> float:
 
 @dataclass(frozen=True)
 class ValueGradientSettings:
-    """What defines a learner, besides its problem and its network. How the defaults were found: docs/beyond.md."""
+    """What defines a learner, besides its problem and its network. What changing a default does: docs/beyond.md."""
 
     trajectories: int = 512
     """N, in parallel."""

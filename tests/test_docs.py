@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from swimmer_mj.cli import main
+from swimmer_mj.learning.experiments.summaries import LOGS, TABLES
 from swimmer_mj.learning.trainer import Metrics
 
 ROOT = Path(__file__).parents[1]
@@ -161,6 +162,13 @@ def test_make_targets_exist():
 
 
 # Facts stated twice
+@pytest.mark.parametrize(
+    "name", ["value-gradient-ablation", "value-gradient-lasting", "value-gradient-links"]
+)
+def test_a_table_of_value_gradients_is_what_the_logs_say(name):
+    assert TABLES[name](LOGS).markdown() in page("docs/beyond.md")
+
+
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_no_placeholder_is_left(path):
     assert "<<" not in path.read_text(encoding="utf-8")

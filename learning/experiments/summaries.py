@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from functools import partial
@@ -210,8 +211,14 @@ FAST = 1.5
 
 def learners(table: Table) -> list[Table]:
     """The rows of each seed. A learner that has diverged, whose speeds are nan, counts as one that lies still."""
-    still = {**table, "speed": np.nan_to_num(table["speed"], nan=0.0)}
+    speed, diverged = table["speed"], np.isnan(table["speed"])
+    still = {**table, "speed": np.where(diverged, 0.0, speed), "diverged": diverged}
     return [rows_where(still, seed=float(seed)) for seed in np.unique(table["seed"])]
+
+
+def _end(one: Table) -> float:
+    """Processor time for which the rows tell of one learner; for ever, if it has diverged."""
+    return math.inf if one["diverged"][-1] else float(one["cpu_seconds"][-1])
 
 
 def gain_at_equal_time(ones: list[Table], others: list[Table]) -> Array:
@@ -223,7 +230,7 @@ def gain_at_equal_time(ones: list[Table], others: list[Table]) -> Array:
     gains = []
     for one in ones:
         if (other := of_seed.get(float(one["seed"][0]))) is not None:
-            time = min(one["cpu_seconds"][-1], other["cpu_seconds"][-1])
+            time = min(_end(one), _end(other))
             speed, its = (np.interp(time, run["cpu_seconds"], run["speed"]) for run in (one, other))
             gains.append(speed - its)
     return np.array(gains)
@@ -238,11 +245,12 @@ def ablation(logs: Logs = LOGS) -> Summary:
         of_setting = rows_where(table, factor=factor, setting=setting)
         seeds = learners(of_setting)
         chosen = chosen or seeds
-        lost = len(np.unique(of_setting["seed"][np.isnan(of_setting["speed"])]))
+        lost = sum(bool(one["diverged"][-1]) for one in seeds)
         fast = [one["cpu_seconds"][one["speed"] >= FAST] for one in seeds]
         times = np.array([at[0] if len(at) else np.inf for at in fast])
         there = int(np.isfinite(times).sum())
-        median = float(np.median(times))
+        at_least = float(np.median([min(time, _end(one)) for time, one in zip(times, seeds, strict=True)]))
+        more = "" if np.isfinite(np.median(times)) else "> "
         rows.append(
             (
                 factor,
@@ -251,7 +259,7 @@ def ablation(logs: Logs = LOGS) -> Summary:
                 f"{len(seeds)}, {lost} of them diverged" if lost else str(len(seeds)),
                 mean_and_interval_text(np.array([one["speed"][-1] for one in seeds])),
                 "-" if seeds is chosen else mean_and_interval_text(gain_at_equal_time(seeds, chosen)),
-                f"{median:.1f}" if np.isfinite(median) else "never",
+                f"{more}{at_least:.1f}" if np.isfinite(at_least) else "never",
                 str(there),
             )
         )
@@ -259,7 +267,7 @@ def ablation(logs: Logs = LOGS) -> Summary:
     return Summary(
         f"value gradients with one setting changed at a time, {steps:.0f} million steps of simulation; a learner that "
         "diverged counts as 0 m/s; gain: on the settings as chosen, with as much processor time and the same seed; "
-        "seconds are of one core, median over seeds",
+        "seconds are of one core, median over seeds, of which those that did not get there took longer than they had",
         (
             "factor",
             "setting",
@@ -293,30 +301,54 @@ def speeds_by_links(logs: Logs = LOGS) -> Summary:
     )
 
 
+def _learned(one: Table) -> int:
+    """The look at which a learner first has 95 % of its top speed."""
+    return int(np.argmax(one["speed"] >= 0.95 * one["speed"].max()))
+
+
+def _lowest_since(one: Table) -> float:
+    """From that look on, the lowest speed as a share of the best until then."""
+    best = np.maximum.accumulate(one["speed"])
+    return float(np.min((one["speed"] / np.where(best > 0, best, 1.0))[_learned(one) :]))
+
+
 def lasting(logs: Logs = LOGS) -> Summary:
     """Value gradients, ten times as long as they need: when each seed had learned, and how far it fell since."""
     table = read_table(Path(logs) / value_gradients.LASTING_LOG)
+    as_chosen, fast = (
+        learners(rows_where(table, factor=one.factor, setting=one.setting)) for one in value_gradients.LASTING
+    )
+    with_fast = {float(one["seed"][0]): f"{_lowest_since(one):.1%}" for one in fast}
     rows = []
-    for one in learners(table):
-        run = _peak(one, "simulation_steps")
-        learned = int(np.argmax(one["speed"] >= 0.95 * run.peak))
-        best = np.maximum.accumulate(one["speed"])
-        kept = float(np.min((one["speed"] / np.where(best > 0, best, 1.0))[learned:]))
+    for one in as_chosen:
+        run, learned = _peak(one, "simulation_steps"), _learned(one)
         rows.append(
             (
                 str(run.seed),
                 f"{one['simulation_steps'][learned] / 1e6:.0f}",
                 f"{run.peak:.3f}",
                 f"{run.at / 1e6:.0f}",
-                f"{kept:.1%}",
+                f"{_lowest_since(one):.1%}",
                 f"{run.last:.3f}",
+                f"{one['speed_last'][learned:].min():.2f}",
+                with_fast.get(run.seed, "-"),
             )
         )
     steps = float(table["simulation_steps"].max()) / 1e6
     return Summary(
         f"value gradients for {steps:.0f} million steps of simulation, a look each million; at 95 %: millions until "
-        "95 % of the peak; lowest since: share of the best until then",
-        ("seed", "at 95 %", "peak, m/s", "at", "lowest since", "last, m/s"),
+        "95 % of the peak; lowest since: share of the best until then; not averaged: the lowest speed since of the "
+        "last weights; rate 1e-4: lowest since, of learners whose learning rate stops falling there",
+        (
+            "seed",
+            "at 95 %",
+            "peak, m/s",
+            "at",
+            "lowest since",
+            "at the end, m/s",
+            "not averaged, m/s",
+            "rate 1e-4",
+        ),
         rows,
     )
 

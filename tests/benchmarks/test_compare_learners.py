@@ -1,23 +1,10 @@
 """Ratios of learning times where some seeds never got there."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
+import compare_learners as compare
 import numpy as np
+import own_learners
 import pytest
-
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-
-
-def load(name):
-    spec = importlib.util.spec_from_file_location(f"benchmark_{name}", BENCHMARKS / f"{name}.py")
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-compare = load("compare_learners")
+import robustness
 
 
 def learner(*times, given=100.0):
@@ -42,13 +29,23 @@ def test_seeds_that_never_got_there_count_as_later_than_all_they_were_given():
         "median 4 s (3 of 3 seeds), sac median > 100 s (1 of 3): less than 1/25"
     )
     assert compare.ratio_words(one, "sac", ours, "s").endswith("(3 of 3)")  # nothing is known of the ratio
-    assert compare.words(one, "s", 1.0) == "median > 100 s, 1 of 3"
-    assert compare.words(ours, "s", 1.0).startswith("4 s [")
+    assert compare.words(one, "s", 1.0) == "median > 100 s; 1 of 3"
+    assert compare.words(ours, "s", 1.0) == "median 4 s; each 2, 4, 6 s; 3 of 3"
+    many = learner(2.0, 4.0, 6.0, 3.0, 5.0)
+    assert compare.words(many, "s", 1.0).startswith("median 4 s; mean 4 s [2.")
 
 
-@pytest.mark.parametrize("name", ["compare_learners", "own_learners", "robustness"])
-def test_results_are_in_the_repository_wherever_one_stands(name, monkeypatch):
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    module = load(name)
-    paths = [*module.RESULTS, module.PLOT] if name == "compare_learners" else [module.OUT]
-    assert all(path.is_absolute() and path.parent.is_dir() for path in paths)
+def test_who_was_there_at_the_first_look_may_have_been_there_before():
+    looks, speed = np.array([1.0, 2.0]), np.array([1.1, 1.2])
+    early = compare.reached([compare.Curve(looks, looks, speed), compare.Curve(looks, looks, speed - 0.2)], 1.0,
+                            "cpu_seconds")  # fmt: skip
+    assert early.spent.tolist() == [1.0, 2.0]
+    assert early.got_there == "2 of 2, 1 by the first look"
+
+
+@pytest.mark.parametrize(
+    "path", [*compare.RESULTS, compare.PLOT, own_learners.OUT, robustness.OUT], ids=lambda path: path.name
+)
+def test_results_are_in_the_repository_wherever_one_stands(path):
+    assert path.is_absolute()
+    assert path.parent.is_dir()

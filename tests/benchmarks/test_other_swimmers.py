@@ -2,23 +2,10 @@
 
 import dataclasses
 import importlib.util
-import sys
-from pathlib import Path
 
 import numpy as np
+import other_swimmers as other
 import pytest
-
-ROOT = Path(__file__).parents[2]
-
-
-def load(name):
-    spec = importlib.util.spec_from_file_location(f"benchmark_{name}", ROOT / "benchmarks" / f"{name}.py")
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)  # dataclasses look there
-    spec.loader.exec_module(module)
-    return module
-
-
-other = load("other_swimmers")
 
 
 @pytest.fixture(scope="module")

@@ -131,12 +131,24 @@ def test_ablation(tmp_path):
     assert batch[3] == "3, 1 of them diverged"
     assert batch[4].startswith("0.50 [")
     assert batch[5].startswith("-1.30 [")  # -0.8, -1.9, -1.2
-    assert batch[6:] == ("never", "1")
+    assert batch[6:] == ("> 30.0", "1")
+
+
+def test_a_learner_that_diverged_lies_still_for_as_long_as_the_other_learns(tmp_path):
+    nan = float("nan")
+    log = tmp_path / value_gradients.ABLATION_LOG
+    settings = ("as chosen", ""), ("batch", "wild")
+    rows = [(*settings[0], 0, 5377, k, 10.0 * k, speed, speed) for k, speed in enumerate((0.0, 1.0, 2.0), 1)]
+    rows += [(*settings[1], 0, 5377, k, 12.0, speed, speed) for k, speed in enumerate((0.5, nan, nan), 1)]
+    write_table(log, value_gradients.COLUMNS, rows)
+    _, wild = summaries.ablation(tmp_path).rows
+    assert wild[3:] == ("1, 1 of them diverged", "0.00", "-2.00", "never", "0")
 
 
 def test_gain_at_equal_time():
     def run(seed, times, speeds):
-        return {"seed": np.full(2, float(seed)), "cpu_seconds": np.array(times), "speed": np.array(speeds)}
+        times, speeds, seeds = np.array(times), np.array(speeds), np.full(2, float(seed))
+        return {"seed": seeds, "cpu_seconds": times, "speed": speeds, "diverged": np.isnan(speeds)}
 
     slow = [run(0, [10.0, 40.0], [0.5, 1.1]), run(1, [1.0, 2.0], [0.0, 0.25])]
     quick = [run(1, [1.0, 3.0], [0.5, 1.5]), run(0, [10.0, 20.0], [1.0, 2.0]), run(2, [1.0, 2.0], [9.0, 9.0])]
@@ -162,11 +174,12 @@ def test_lasting_tells_when_each_seed_had_learned_and_how_far_it_fell_since(tmp_
     learners = {
         ("as chosen", "", 0): [1.0, 0.5, 1.95, 2.0, 1.8, 1.95],
         ("as chosen", "", 1): [1.0, 1.1, 1.2, 1.1, 1.25, 1.3],
+        ("learning rate", "1e-4 at least", 0): [1.0, 0.5, 1.95, 2.0, 1.8, 1.5],
     }
     write_study(tmp_path / value_gradients.LASTING_LOG, learners)
     assert summaries.lasting(tmp_path).rows == [
-        ("0", "3", "2.000", "4", "90.0%", "1.950"),
-        ("1", "5", "1.300", "6", "100.0%", "1.300"),
+        ("0", "3", "2.000", "4", "90.0%", "1.950", "1.70", "75.0%"),
+        ("1", "5", "1.300", "6", "100.0%", "1.300", "1.15", "-"),
     ]
 
 
