@@ -30,7 +30,7 @@ from swimmer_mj.learning.value_gradient import ValueGradientLearner
 from swimmer_mj.parameters import PAPER
 
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "own-learners.csv"
-SECONDS = {"value-gradient": 90.0, "td": 400.0}
+SECONDS = {"value-gradient": 90.0, "td": 200.0}
 FIRST_LOOK = {"value-gradient": 1.0, "td": 10.0}  # s
 GROWTH = 1.15  # of the time from look to look
 TRIALS = 20  # of TD(lambda) between looks at the clock
@@ -140,7 +140,7 @@ def main(
     Args:
         algorithms: Which.
         seeds: Of networks and initial states.
-        seconds: Processor time of each; by default 90 for value gradients, 400 for TD(lambda).
+        seconds: Processor time of each; by default 90 for value gradients, 200 for TD(lambda).
         out: CSV to append rows to, those of a learner when it is done.
     """
     torch.set_num_threads(1)
