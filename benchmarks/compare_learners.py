@@ -134,7 +134,7 @@ def words(what: Reached, unit: str, scale: float) -> str:
 def ratio_words(ours: Reached, name: str, other: Reached, unit: str) -> str:
     """The medians of value gradients and of another learner, and their ratio as far as it is known."""
     mine, its = median_words(ours, unit), median_words(other, unit)
-    text = f"{mine} ({ours.got_there} seeds), {name} {its} ({other.got_there})"
+    text = f"{mine} ({ours.got_there}), {name} {its} ({other.got_there})"
     if not ours.known:
         return text
     return f"{text}: {'' if other.known else 'less than '}1/{other.median / ours.median:.0f}"

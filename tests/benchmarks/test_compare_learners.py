@@ -26,7 +26,7 @@ def test_seeds_that_never_got_there_count_as_later_than_all_they_were_given():
     assert (none.median, none.known, none.got_there) == (300.0, False, "0 of 2")
     assert compare.ratio_words(ours, "sac", all_there, "s").endswith("sac median 40 s (3 of 3): 1/10")
     assert compare.ratio_words(ours, "sac", one, "s") == (
-        "median 4 s (3 of 3 seeds), sac median > 100 s (1 of 3): less than 1/25"
+        "median 4 s (3 of 3), sac median > 100 s (1 of 3): less than 1/25"
     )
     assert compare.ratio_words(one, "sac", ours, "s").endswith("(3 of 3)")  # nothing is known of the ratio
     assert compare.words(one, "s", 1.0) == "median > 100 s; 1 of 3"
