@@ -26,7 +26,7 @@ from swimmer_mj.learning.evaluation import SwimmingSpeed
 from swimmer_mj.learning.fused import FusedTD
 from swimmer_mj.learning.networks import Cascade
 from swimmer_mj.learning.trainer import TrainConfig, value_gradient_config
-from swimmer_mj.learning.value_gradient import ValueGradientLearner
+from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
 from swimmer_mj.parameters import PAPER
 
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "own-learners.csv"

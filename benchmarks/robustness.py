@@ -38,7 +38,7 @@ from swimmer_mj.learning.evaluation import (
 )
 from swimmer_mj.learning.policy import GreedyPolicy
 from swimmer_mj.learning.trainer import load_policy
-from swimmer_mj.learning.value_gradient import ValueGradientLearner
+from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 Array = NDArray[np.float64]

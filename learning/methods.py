@@ -16,7 +16,7 @@ from swimmer_mj.learning.fused import FusedTD
 from swimmer_mj.learning.networks import Cascade, ValueNetwork
 from swimmer_mj.learning.policy import observed_state
 from swimmer_mj.learning.problem import ControlProblem
-from swimmer_mj.learning.value_gradient import ValueGradientLearner
+from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
 
 if TYPE_CHECKING:
     from swimmer_mj.learning.trainer import TrainConfig

@@ -315,10 +315,10 @@ def _lowest_since(one: Table) -> float:
 def lasting(logs: Logs = LOGS) -> Summary:
     """Value gradients, ten times as long as they need: when each seed had learned, and how far it fell since."""
     table = read_table(Path(logs) / value_gradients.LASTING_LOG)
-    as_chosen, fast = (
+    as_chosen, at_least_1e_4 = (
         learners(rows_where(table, factor=one.factor, setting=one.setting)) for one in value_gradients.LASTING
     )
-    with_fast = {float(one["seed"][0]): f"{_lowest_since(one):.1%}" for one in fast}
+    other_rate = {float(one["seed"][0]): f"{_lowest_since(one):.1%}" for one in at_least_1e_4}
     rows = []
     for one in as_chosen:
         run, learned = _peak(one, "simulation_steps"), _learned(one)
@@ -331,7 +331,7 @@ def lasting(logs: Logs = LOGS) -> Summary:
                 f"{_lowest_since(one):.1%}",
                 f"{run.last:.3f}",
                 f"{one['speed_last'][learned:].min():.2f}",
-                with_fast.get(run.seed, "-"),
+                other_rate.get(run.seed, "-"),
             )
         )
     steps = float(table["simulation_steps"].max()) / 1e6

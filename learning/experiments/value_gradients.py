@@ -33,7 +33,7 @@ from swimmer_mj.learning.evaluation import EPISODE_DURATION, SETTLING_TIME, eval
 from swimmer_mj.learning.experiments.tables import LOGS, read_table, write_table
 from swimmer_mj.learning.networks import Cascade, ValueNetwork
 from swimmer_mj.learning.trainer import TrainConfig, value_gradient_config
-from swimmer_mj.learning.value_gradient import ValueGradientLearner
+from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
 from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = ["ABLATION_LOG", "LASTING_LOG", "LINKS_LOG", "Variant", "ablation", "lasting", "links", "run_study"]

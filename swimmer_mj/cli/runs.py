@@ -83,7 +83,7 @@ def evaluate_run(directory: Path, which: Which, episodes: int) -> dict[str, Any]
     from swimmer_mj.learning.evaluation import evaluate_swimming, known_interval
     from swimmer_mj.learning.policy import SwimmingPolicy
     from swimmer_mj.learning.trainer import evaluation_sample, load_policy
-    from swimmer_mj.learning.value_gradient import ValueGradientLearner
+    from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
 
     policy, config, info = load_policy(directory, which)
     if config.problem != "swim":

@@ -16,7 +16,8 @@ from torch.utils.backend_registration import _setup_privateuseone_for_python_bac
 
 from swimmer_mj.learning.networks import Cascade, Multilayer, ValueNetwork
 from swimmer_mj.learning.swimming import Swimming
-from swimmer_mj.learning.value_gradient import ValueGradientLearner, ValueGradientSettings
+from swimmer_mj.learning.value_gradient import ValueGradientSettings
+from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
 from swimmer_mj.parameters import PAPER
 
 NAME = "second"

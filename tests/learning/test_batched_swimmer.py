@@ -14,7 +14,8 @@ from swimmer_mj.learning.networks import Cascade, Multilayer
 from swimmer_mj.learning.rational_tanh import tanh_of_many
 from swimmer_mj.learning.simd import cos_sin, sign
 from swimmer_mj.learning.swimming import Swimming
-from swimmer_mj.learning.value_gradient import swimming_encoding, value_and_gradient_loss
+from swimmer_mj.learning.value_gradient import value_and_gradient_loss
+from swimmer_mj.learning.value_gradient_engines import swimming_encoding
 from swimmer_mj.lowlevel import LANES, load, store
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 from swimmer_mj.reduced import reduced_constants

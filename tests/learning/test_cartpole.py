@@ -6,7 +6,8 @@ import torch
 
 from swimmer_mj.learning.cartpole import cart_pole
 from swimmer_mj.learning.networks import Multilayer
-from swimmer_mj.learning.value_gradient import ValueGradientLearner, ValueGradientSettings
+from swimmer_mj.learning.value_gradient import ValueGradientSettings
+from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
 
 
 def test_energy_changes_by_the_power_of_the_force():

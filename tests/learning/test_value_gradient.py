@@ -21,12 +21,8 @@ from swimmer_mj.learning.differentiable import (
 from swimmer_mj.learning.networks import Cascade, Multilayer, ValueNetwork
 from swimmer_mj.learning.pendulum import Pendulum
 from swimmer_mj.learning.swimming import Swimming
-from swimmer_mj.learning.value_gradient import (
-    ValueGradientLearner,
-    ValueGradientSettings,
-    targets,
-    value_and_gradient_loss,
-)
+from swimmer_mj.learning.value_gradient import ValueGradientSettings, targets, value_and_gradient_loss
+from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
 from swimmer_mj.parameters import PAPER
 
 SMALL = ValueGradientSettings(trajectories=32, steps=10, minibatch=64, trial_duration=0.2)
