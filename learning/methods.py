@@ -100,9 +100,8 @@ class ValueGradients:
         """Rounds until ``done + count`` trials' worth of time is simulated; mean V along the last one."""
         value = math.nan
         config = self.config
-        steps_of_td = (
-            config.value_gradient.dt / config.td.dt
-        )  # in a step of this method: a trial is so many seconds
+        # A trial is so many seconds, whatever the method's step is.
+        steps_of_td = config.value_gradient.dt / config.td.dt
         while self.learner.simulation_steps * steps_of_td < (done + count) * config.steps_per_trial:
             value = self.learner.step().value
         return value, math.nan

@@ -76,9 +76,8 @@ class ValueGradientLearner(Generic[Network]):
         self._generator = torch.Generator().manual_seed(seed)
         self._states = problem.initial_states(self._rng, settings.trajectories)
         self._rounds_per_trial = max(1, round(settings.trial_duration / (settings.steps * settings.dt)))
-        self._age = self._rng.integers(
-            0, self._rounds_per_trial, settings.trajectories
-        )  # in rounds, out of step
+        # How old each trajectory is, in rounds: out of step with the others.
+        self._age = self._rng.integers(0, self._rounds_per_trial, settings.trajectories)
         self._updates = 0
         self.rounds = 0
 

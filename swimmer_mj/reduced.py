@@ -83,9 +83,8 @@ def compile_reduced_dynamics(n: int) -> Callable[..., None]:
         cosine = carray(stack_buffer(square), (n, n))  # cos(theta_i - theta_j)
         inertia = carray(stack_buffer(square), (n, n))
         centrifugal = carray(stack_buffer(square), (n, n))
-        q = carray(
-            stack_buffer(square), (n, n)
-        )  # right-hand sides, then solutions: the drift's, then each joint's
+        # Right-hand sides, then solutions: the drift's, then each joint's.
+        q = carray(stack_buffer(square), (n, n))
         vx = z[2 * n]
         vy = z[2 * n + 1]
 

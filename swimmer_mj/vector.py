@@ -95,11 +95,8 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         model = copy.copy(self._physics.model.ptr)
         model.opt.disableflags |= _NO_CONSTRAINTS
         self._batch = Batch(model, num_envs, nthread)
-        self._qpos, self._qvel, self._time = (
-            self._batch.qpos,
-            self._batch.qvel,
-            self._batch.time,
-        )  # live views
+        # Live views.
+        self._qpos, self._qvel, self._time = self._batch.qpos, self._batch.qvel, self._batch.time
         self._levers = st.center_of_mass_levers(self._physics.parameters)
         self._seeds: list[int | None] = [None] * num_envs
         self._random_states: list[Any] = [None] * num_envs  # of the task's source, None before the first seed

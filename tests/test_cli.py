@@ -9,7 +9,7 @@ from typing import ClassVar, Literal, get_args, get_type_hints
 import numpy as np
 import pytest
 
-from swimmer_mj.cli import main, output, pictures, viewing
+from swimmer_mj.cli import COMMANDS, main, output, pictures, viewing
 from swimmer_mj.cli.runs import free_directory
 from swimmer_mj.cli.training import parse_seeds, train
 from swimmer_mj.learning.pretrained import pretrained_card, pretrained_names
@@ -61,7 +61,7 @@ def test_help_imports_nothing_heavy():
     ("arguments", "complaint"),
     [
         ([], "demo, train, evaluate"),
-        (["fly"], "Unrecognized options: fly"),
+        (["fly"], "swimmer-mj: Unrecognized options: fly. Available subcommands: demo"),
         (["train"], "--out"),
         (["train", "--out", "r", "--links", "five"], "five"),
         (["train", "--out", "r", "--links", "0"], "n_links must be at least 1, got 0"),
@@ -71,6 +71,10 @@ def test_help_imports_nothing_heavy():
         (["train", "--out", "r", "--seeds", "1,1"], "names a seed twice"),
         (["train", "--out", "r", "--seed", "1", "--seeds", "0-3"], "--seed or --seeds, not both"),
         (["train", "--out", "r", "--trials", "0"], "--trials must be positive, got 0"),
+        (
+            ["train", "--out", "r", "--device", "tpu"],
+            "swimmer-mj: invalid choice 'tpu' for argument '--device'. Exp",
+        ),
         (["train", "--out", "r", "--device", "cuda"], "'td' learns on the CPU"),
         (["train", "--out", "r", "--resume"], "is not a run directory"),
         (["train", "--out", "swim5-value-gradient", "--resume"], "is not a run directory"),
@@ -105,6 +109,22 @@ def test_bad_usage_is_one_line_on_standard_error(tmp_path, monkeypatch, capsys, 
     assert err.startswith("swimmer-mj: ")
     assert err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_the_parsers_box_is_taken_off(encoding):
+    done = subprocess.run(
+        [sys.executable, "-m", "swimmer_mj", "fly"],
+        env=os.environ | {"PYTHONIOENCODING": encoding},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2
+    names = ", ".join(command.__name__ for command in COMMANDS)
+    assert done.stderr == (
+        f"swimmer-mj: Unrecognized options: fly. Available subcommands: {names}. "
+        "For full helptext, run swimmer-mj --help\n"
+    )
 
 
 def test_bad_seeds_and_paths_are_refused_before_any_work(tmp_path, monkeypatch, capsys):

@@ -134,9 +134,8 @@ def learn(one: Variant, seed: int, looks: Sequence[int], threads: int | None = N
     problem = config.make_problem()
     network = config.make_network(problem)
     n_weights = count_weights(network)
-    _reach(
-        ValueGradientLearner(problem, copy.deepcopy(network), config.value_gradient), 1
-    )  # compiled, not timed
+    to_compile = ValueGradientLearner(problem, copy.deepcopy(network), config.value_gradient)
+    _reach(to_compile, 1)  # is not timed
     learner = ValueGradientLearner(problem, network, config.value_gradient, seed=seed)
     states = evaluation_states(config.parameters.n_links)
     rows: list[Row] = []

@@ -54,13 +54,16 @@ def _parse(arguments: Sequence[str]) -> Callable[[], None]:
     return app.cli(prog="swimmer-mj", description=_DESCRIPTION, args=arguments, config=(FlagCreatePairsOff,))
 
 
-def _one_line(message: str) -> str:
-    """A message without line breaks and without the boxes that the parser draws."""
-    return " ".join(re.sub(r"\x1b\[[0-9;]*m|[─│╭╮╰╯]", " ", message).split())
+def _unboxed(message: str) -> str:
+    """What the parser says, as sentences, without the box it draws, whose title only says it twice."""
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", message)
+    body = re.sub(r"\A(╭.*| .*\n -+ $)|^╰.*", "", plain, flags=re.MULTILINE)
+    parts = re.split(r"^│? +[─-]+ *│?$", body, flags=re.MULTILINE)
+    return ". ".join(part.replace("│", " ").strip().removesuffix(".") for part in parts)
 
 
 def _complain(message: str) -> int:
-    print(f"swimmer-mj: {_one_line(message)}", file=sys.stderr)
+    print("swimmer-mj:", *message.split(), file=sys.stderr)
     return 2
 
 
@@ -72,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with contextlib.redirect_stderr(complaint):
             command = _parse(arguments)
     except SystemExit as stop:
-        return _complain(complaint.getvalue()) if stop.code else 0
+        return _complain(_unboxed(complaint.getvalue())) if stop.code else 0
     from swimmer_mj.render.backend import BackendError, use_backend
 
     with contextlib.suppress(BackendError):

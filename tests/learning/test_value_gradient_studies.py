@@ -28,9 +28,8 @@ def test_a_study_goes_on_where_it_was(tmp_path):
     both = learn_tiny(log, [0, 1], news)
     assert [line.split(",")[1].split(":")[0] for line in news] == [" seed 0", " seed 1"]
     for name, column in first.items():
-        np.testing.assert_array_equal(
-            both[name][:2], column
-        )  # not computed again: even the times are the same
+        # Not computed again: even the times are the same.
+        np.testing.assert_array_equal(both[name][:2], column)
 
     names = list(both)
     rows = list(zip(*(both[name] for name in names), strict=True))

@@ -443,9 +443,8 @@ def test_an_action_that_is_no_number_is_reported(make, monkeypatch, tmp_path):
 
 def test_frames_of_a_vector(make):
     def fast(random):
-        return np.concatenate(
-            [random.uniform(-1, 1, 6), [30.0, 0.0]]
-        )  # m/s: it leaves the first frame's view
+        velocity = [30.0, 0.0]  # m/s: it leaves the first frame's view
+        return np.concatenate([random.uniform(-1, 1, 6), velocity])
 
     kwargs = {"render_mode": "rgb_array", "width": 96, "height": 64, "initial_states": fast}
     envs, env = make(STEER3, 2, **kwargs), make(STEER3, **kwargs)
