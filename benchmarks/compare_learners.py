@@ -10,6 +10,7 @@ ratios are of medians over all seeds, and a median that falls among such seeds i
 from __future__ import annotations
 
 import csv
+import math
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
@@ -137,7 +138,8 @@ def ratio_words(ours: Reached, name: str, other: Reached, unit: str) -> str:
     text = f"{mine} ({ours.got_there}), {name} {its} ({other.got_there})"
     if not ours.known:
         return text
-    return f"{text}: {'' if other.known else 'less than '}1/{other.median / ours.median:.0f}"
+    times = other.median / ours.median
+    return f"{text}: 1/{times:.0f}" if other.known else f"{text}: less than 1/{math.floor(times)}"
 
 
 def print_tables(curves: dict[str, list[Curve]], console: Console) -> None:

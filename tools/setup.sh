@@ -9,7 +9,7 @@ python=${PYTHON:-python3}
     echo "setup: $("$python" --version) is too old: Python 3.11 or newer is needed (make PYTHON=python3.11 ...)" >&2
     exit 2
 }
-[ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
+"$venv/bin/python" -m pip --version >/dev/null 2>&1 || "$python" -m venv "$venv"
 echo "setup: installing into $venv; a few minutes"
 "$venv/bin/python" -m pip install --quiet --editable '.[dev]'
 

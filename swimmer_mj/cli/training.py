@@ -52,7 +52,7 @@ def train(
         seed: Seed of initial weights and initial states.
         seeds: Several seeds instead, trained side by side: 0-7, or 1,4,9.
         trials: Stop at the first evaluation with at least this many trials.
-        seconds: Stop after this many seconds. The default is 100,000 trials.
+        seconds: Stop after this many seconds. Without this and --trials: after 100,000 trials.
         links: Number of links of the swimmer; 5 by default, as in the paper.
         resume: Go on with the run that is in the directory, as it was configured.
         problem: What to learn.
