@@ -142,6 +142,13 @@ def ratio_words(ours: Reached, name: str, other: Reached, unit: str) -> str:
     return f"{text}: 1/{times:.0f}" if other.known else f"{text}: less than 1/{math.floor(times)}"
 
 
+def top_speed_words(curves: Sequence[Curve]) -> str:
+    """The highest speed of any seed, and when it was seen first."""
+    fastest = max(curves, key=lambda curve: curve.speed.max())
+    at = fastest.cpu_seconds[np.argmax(fastest.speed)]
+    return f"{fastest.speed.max():.2f} m/s after {number(at)} s"
+
+
 def print_tables(curves: dict[str, list[Curve]], console: Console) -> None:
     """Time, simulation, the best speed; then how many times sooner than the fastest of the peers, by medians."""
     for quantity, unit, scale in (("cpu_seconds", "s", 1.0), ("simulation_steps", "million steps", 1e-6)):
@@ -153,6 +160,8 @@ def print_tables(curves: dict[str, list[Curve]], console: Console) -> None:
             best = mean_words(np.array([curve.speed.max() for curve in of_name]), "m/s")
             table.add_row(name, *cells, best)
         console.print(table)
+    tops = (f"{name} {top_speed_words(of_name)}" for name, of_name in curves.items())
+    console.print(f"top speed of any seed: {', '.join(tops)}")
     if "value-gradient" not in curves:
         return
     for speed in SPEEDS:

@@ -43,6 +43,12 @@ def test_who_was_there_at_the_first_look_may_have_been_there_before():
     assert early.got_there == "2 of 2, 1 by the first look"
 
 
+def test_top_speed_is_that_of_the_fastest_seed_when_it_was_first_seen():
+    looks = np.array([30.0, 60.0, 90.0])
+    slow, fast = (compare.Curve(looks, looks, np.array(v)) for v in ([1.0, 1.2, 1.1], [0.9, 1.5, 1.5]))
+    assert compare.top_speed_words([slow, fast, slow]) == "1.50 m/s after 60 s"
+
+
 @pytest.mark.parametrize(
     "path", [*compare.RESULTS, compare.PLOT, own_learners.OUT, robustness.OUT], ids=lambda path: path.name
 )
