@@ -415,7 +415,8 @@ class BatchedNetwork:
     @staticmethod
     def check(network: ValueNetwork) -> None:
         """Raise TypeError if ``network`` cannot be compiled."""
-        if not isinstance(network, Cascade | Multilayer):
+        known = (Cascade.forward, Multilayer.forward)  # not one of a subclass's own
+        if not isinstance(network, Cascade | Multilayer) or type(network).forward not in known:
             raise TypeError(f"knows Cascade and Multilayer networks, not {type(network).__name__}")
         if isinstance(network, Cascade) and network.sigmoid != "tanh":
             raise TypeError(f"knows neurons with sigmoid 'tanh', not {network.sigmoid!r}")

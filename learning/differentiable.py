@@ -67,21 +67,22 @@ class DifferentiableProblem:
         if len(drawn) != 2 or drawn[0] != 3:
             raise ValueError(f"draw must return shape (count, p), got {drawn} for a count of 3")
         p, q = drawn[1], len(self.limits)
-        x = self._sample.expand(3, p)  # three states: a batch that no other size equals by chance
+        n = p + q + 1  # states: neither p nor q
+        x = self._sample.expand(n, p)
         for name, value, shape in (
-            ("drift", self.drift(x), (3, p)),
-            ("control_matrix", self.control_matrix(x), (3, p, q)),
-            ("reward_rate", self.reward_rate(x), (3,)),
+            ("drift", self.drift(x), (n, p)),
+            ("control_matrix", self.control_matrix(x), (n, p, q)),
+            ("reward_rate", self.reward_rate(x), (n,)),
         ):
             if value.shape != shape:
                 raise ValueError(
-                    f"{name} must return shape {shape} for states (3, {p}), got {tuple(value.shape)}"
+                    f"{name} must return shape {shape} for states ({n}, {p}), got {tuple(value.shape)}"
                 )
             if not bool(torch.isfinite(value).all()):
                 raise ValueError(f"{name} is not finite at {self._sample[0].tolist()}")
         z = self.encode(x)
-        if z.ndim != 2 or len(z) != 3:
-            raise ValueError(f"encode must return shape (3, m) for states (3, {p}), got {tuple(z.shape)}")
+        if z.ndim != 2 or len(z) != n:
+            raise ValueError(f"encode must return shape ({n}, m) for states ({n}, {p}), got {tuple(z.shape)}")
 
     @cached_property
     def _sample(self) -> Tensor:
@@ -152,9 +153,9 @@ def differentiable(problem: ControlProblem) -> DifferentiableProblem:
     """``problem`` as torch functions."""
     if isinstance(problem, DifferentiableProblem):
         return problem
-    if isinstance(problem, Swimming):
+    if type(problem) is Swimming:  # not a subclass, which may have equations or a reward of its own
         return _swimming(problem)
-    if isinstance(problem, Pendulum):
+    if type(problem) is Pendulum:
         return _pendulum(problem)
     raise TypeError(f"problem {problem.name!r} has no torch form; describe it as a DifferentiableProblem")
 

@@ -43,7 +43,7 @@ class CompiledLanes(NamedTuple):
 
 def compiled_lanes(problem: ControlProblem) -> CompiledLanes | None:
     """The problem for a pack; None if it has to be asked for one state at a time."""
-    if not isinstance(problem, Swimming) or problem.encoding != "circle" or problem.integrator != "euler":
+    if type(problem) is not Swimming or problem.encoding != "circle" or problem.integrator != "euler":
         return None
     constants = (workspace(problem.parameters.n_links), reduced_constants(problem.parameters))
     return CompiledLanes(constants, _greedy, _encode, _pull_back)

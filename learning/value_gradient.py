@@ -134,7 +134,7 @@ class ValueGradientSettings:
     dt: float = 0.01
     """Euler step, s."""
     trial_duration: float = 10.0
-    """A trajectory starts anew after this long, s."""
+    """A trajectory starts anew after this long, s, rounded to whole rounds."""
     s_lambda: float = 1.0
     """Decay of what is looked ahead, 1/s: 0 trusts the trajectory to its end, infinity the next state's estimate."""
     value_weight: float = 1.0
@@ -146,7 +146,7 @@ class ValueGradientSettings:
     minibatch: int = 512
     """States in one step of Adam."""
     passes: int = 1
-    """Over the states of a round."""
+    """Over the states of a round; what is left after whole minibatches is left out."""
     learning_rate: float = 2e-3
     """Of Adam, in the first round."""
     half_life: float = 500.0
@@ -179,6 +179,10 @@ class ValueGradientSettings:
             raise ValueError(f"averaged_share must be in (0, 1], got {self.averaged_share!r}")
         if self.value_weight == self.slope_weight == 0:
             raise ValueError("value_weight and slope_weight must not both be 0")
+        if self.steps * self.dt > self.trial_duration * (1 + 1e-9):
+            raise ValueError(
+                f"trial_duration must be at least steps x dt = {self.steps * self.dt:g} s, got {self.trial_duration}"
+            )
         if self.minibatch > self.trajectories * self.steps:
             raise ValueError(
                 "minibatch must be at most trajectories x steps = "
@@ -208,4 +212,4 @@ class RoundStatistics(NamedTuple):
     value_error: float
     """(V - G)^2."""
     slope_error: float
-    """sum_i S_i^2 (dV/dx_i - g_i)^2."""
+    """w sum_i S_i^2 (dV/dx_i - g_i)^2."""

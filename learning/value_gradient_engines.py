@@ -14,6 +14,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from swimmer_mj.analytic import AnalyticSwimmer
+from swimmer_mj.dynamics import MujocoSwimmer
 from swimmer_mj.integrators import rk4_step
 from swimmer_mj.learning import batched_swimmer
 from swimmer_mj.learning.batched_network import BLOCK, BatchedNetwork, Encoding
@@ -23,7 +25,7 @@ from swimmer_mj.learning.differentiable import (
     transition,
     transition_pullback,
 )
-from swimmer_mj.learning.networks import ValueNetwork
+from swimmer_mj.learning.networks import Cascade, ValueNetwork
 from swimmer_mj.learning.problem import ControlProblem
 from swimmer_mj.learning.swimming import RATE_SCALE, Swimming
 from swimmer_mj.learning.value_gradient import ValueGradientSettings, targets, value_and_gradient_loss
@@ -71,10 +73,14 @@ class Engine(Protocol):
 
 
 def _slope_weights(problem: ControlProblem, w: float) -> Tensor:
-    """w S_i^2, shape (p,): S_i = 1 / |dz/dx_i|, over a fixed sample of initial states; 0 where z has no part of x_i."""
+    """w S_i^2, shape (p,): S_i = 1 / |dz/dx_i|, over a sample of initial states; 0 where x_i does not change z there."""
     sample = torch.from_numpy(problem.initial_states(np.random.default_rng(0), 256)).double()
     jacobian = torch.func.vmap(torch.func.jacrev(problem.inputs))(sample)
     squared = jacobian.square().sum(dim=1).mean(dim=0)
+    if not bool(torch.isfinite(squared).all()):
+        raise ValueError(
+            f"{problem.name}: the derivatives of the network's inputs are not finite at some initial state"
+        )
     return torch.where(squared > 0, w / squared, 0.0)
 
 
@@ -154,6 +160,8 @@ class _TorchEngine:
             )
             gradients = torch.autograd.grad(loss, self.parameters)
         torch.cat([y.flatten() for y in gradients], out=out)
+        if isinstance(self.network, Cascade):  # a missing connection stays missing
+            out *= self.network.connected.flatten().to(out)
         return float(value_error.detach()), float(slope_error.detach())
 
     def control(self, weights: Tensor, x: Array) -> Array:
@@ -279,6 +287,12 @@ def engine_for(
     engine: Literal["auto", "compiled", "torch"] = "auto",
 ) -> Engine:
     """The engine of that name; "auto" compiles what can be."""
+    if engine not in ("auto", "compiled", "torch"):
+        raise ValueError(f"engine must be 'auto', 'compiled' or 'torch', got {engine!r}")
+    if isinstance(problem, Swimming) and not isinstance(problem.dynamics, AnalyticSwimmer | MujocoSwimmer):
+        raise ValueError(
+            f"{type(problem.dynamics).__name__} has no derivatives; describe it as a DifferentiableProblem"
+        )
     obstacle = _obstacle(problem, network, settings)
     if engine == "compiled" and obstacle:
         raise ValueError(f"engine 'compiled' {obstacle}; use 'torch'")
@@ -290,8 +304,8 @@ def engine_for(
 
 def _obstacle(problem: ControlProblem, network: ValueNetwork, settings: ValueGradientSettings) -> str | None:
     """Why this cannot be compiled, to be read after "engine 'compiled'"."""
-    if not isinstance(problem, Swimming):
-        return f"knows Swimming, not {problem.name!r}"
+    if type(problem) is not Swimming:  # a subclass may have equations or a reward of its own
+        return f"knows Swimming, not {type(problem).__name__} ({problem.name!r})"
     if problem.encoding != "circle":
         return f"encodes angles as 'circle', not as {problem.encoding!r}"
     if next(network.parameters()).device.type != "cpu":

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from swimmer_mj.learning.fused import as_states
 from swimmer_mj.learning.networks import ValueNetwork
 from swimmer_mj.learning.policy import GreedyPolicy
 from swimmer_mj.learning.problem import ControlProblem, episode_steps, require_euler
@@ -34,7 +35,7 @@ class ValueGradientLearner(Generic[Network]):
     problem : ControlProblem
         What to learn: a :class:`DifferentiableProblem`, or a problem of this package.
     network : ValueNetwork
-        V_w, in float32 or float64. On a CUDA device, everything but the initial states happens there.
+        V_w, in float32 or float64. On a CUDA device, everything but the random draws happens there.
     settings : ValueGradientSettings
         The algorithm's constants.
     seed : int
@@ -117,9 +118,14 @@ class ValueGradientLearner(Generic[Network]):
         gradient = self._gradient
         norm = float(gradient.norm())
         if not math.isfinite(norm):
+            if self._updates == 0:
+                raise FloatingPointError(
+                    f"the loss is not finite with the initial weights: dt {self.settings.dt} is too large for the "
+                    "problem's drift, or a derivative of its drift, control matrix, reward rate or inputs is not finite"
+                )
             raise FloatingPointError(
                 f"the loss is no longer finite in round {self.rounds}: "
-                f"learning_rate {self.settings.learning_rate} is too large"
+                f"learning_rate {self.settings.learning_rate} or dt {self.settings.dt} is too large"
             )
         if norm > self.settings.clip:
             gradient *= self.settings.clip / norm
@@ -143,7 +149,7 @@ class ValueGradientLearner(Generic[Network]):
     @torch.no_grad()
     def control(self, states: Array) -> Array:
         """Greedy control, shape (N, q), by the averaged weights at states (N, p): the policy, without V and H."""
-        return self._engine.control(self._average, np.asarray(states, np.float64))
+        return self._engine.control(self._average, as_states(states, self.problem.state_size))
 
     @torch.no_grad()
     def rollout(
@@ -172,15 +178,16 @@ class ValueGradientLearner(Generic[Network]):
         n_steps, n_skip = episode_steps(duration, skip, dt)
         counts = np.arange(n_steps) >= n_skip
         weights = self._average if averaged else self._weights
-        return self._engine.episodes(
-            weights, np.asarray(initial_states, np.float64), counts / counts.sum(), dt
-        )
+        states = as_states(initial_states, self.problem.state_size)
+        return self._engine.episodes(weights, states, counts / counts.sum(), dt)
 
     @torch.no_grad()
     def discounted_return(self, initial_states: Array, duration: float, dt: float = 0.01) -> Array:
         """Equation 1 up to ``duration`` seconds from each initial state (N, p), by the averaged weights; (N,)."""
-        shares = np.exp(-self.problem.s_gamma * dt * np.arange(round(duration / dt))) * dt
-        return self._engine.episodes(self._average, np.asarray(initial_states, np.float64), shares, dt)
+        n_steps, _ = episode_steps(duration, 0.0, dt)
+        shares = np.exp(-self.problem.s_gamma * dt * np.arange(n_steps)) * dt
+        states = as_states(initial_states, self.problem.state_size)
+        return self._engine.episodes(self._average, states, shares, dt)
 
     def state_dict(self) -> dict[str, Any]:
         """All that resuming exactly needs: ``tensors`` (name -> Tensor) and ``info`` (JSON values)."""

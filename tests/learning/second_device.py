@@ -84,7 +84,9 @@ def learn(network: ValueNetwork, device: str) -> list[np.ndarray]:
     learner = ValueGradientLearner(problem, network.to(device), settings, engine="torch")
     for _ in range(2):
         learner.step()
-    learner.load_state_dict(learner.state_dict())
+    state = learner.state_dict()
+    learner = ValueGradientLearner(problem, network, settings, seed=1, engine="torch")
+    learner.load_state_dict(state)
     learner.step()
     assert learner.policy().network.n_inputs == network.n_inputs
     starts = problem.initial_states(np.random.default_rng(3), 4)

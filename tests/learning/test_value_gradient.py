@@ -4,6 +4,7 @@ import copy
 import dataclasses
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,9 +19,11 @@ from swimmer_mj.learning.differentiable import (
     transition,
     transition_pullback,
 )
+from swimmer_mj.learning.layered import Layered
 from swimmer_mj.learning.networks import Cascade, Multilayer, ValueNetwork
 from swimmer_mj.learning.pendulum import Pendulum
 from swimmer_mj.learning.swimming import Swimming
+from swimmer_mj.learning.swimming_lanes import compiled_lanes
 from swimmer_mj.learning.value_gradient import ValueGradientSettings, targets, value_and_gradient_loss
 from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
 from swimmer_mj.parameters import PAPER
@@ -267,6 +270,10 @@ def test_a_problem_may_leave_state_variables_out_and_be_written_for_batches_only
     [
         ({"encode": lambda x: x[:, 0]}, r"encode must return shape \(3, m\) for states \(3, 1\), got \(3,\)"),
         ({"encode": lambda x: x.T}, r"encode must return shape \(3, m\) .*, got \(1, 3\)"),
+        (
+            {"draw": lambda rng, count: np.zeros((count, 3)), "drift": lambda x: x.T},
+            r"drift must return shape \(5, 3\) for states \(5, 3\), got \(3, 5\)",
+        ),
         ({"draw": lambda rng, count: np.zeros(count)}, r"draw must return shape \(count, p\), got \(3,\)"),
         (
             {"draw": lambda rng, count: np.zeros((1, 1))},
@@ -288,13 +295,15 @@ def test_a_problem_refuses(changes, message):
         multilayer(17, (16, 13)),
         multilayer(17, (9,)),
         Cascade(17, 14, generator=torch.Generator().manual_seed(0), dtype=torch.float64),
+        Layered(17, 9, generator=torch.Generator().manual_seed(0), dtype=torch.float64),
     ],
-    ids=["two layers", "one layer", "cascade"],
+    ids=["two layers", "one layer", "cascade", "layered"],
 )
-def test_engines_agree_over_rounds(network):
-    problem = Swimming(s_gamma=0.5)
+@pytest.mark.parametrize("changes", [{}, {"flips": 0.1, "passes": 2}], ids=["plain", "flips, two passes"])
+def test_engines_agree_over_rounds(network, changes):
+    problem, settings = Swimming(s_gamma=0.5), dataclasses.replace(SMALL, **changes)
     compiled, reference = (
-        ValueGradientLearner(problem, copy.deepcopy(network), SMALL, seed=3, engine=engine)
+        ValueGradientLearner(problem, copy.deepcopy(network), settings, seed=3, engine=engine)
         for engine in ("compiled", "torch")
     )
     before = reference.state_dict()["tensors"]["weights"]
@@ -327,8 +336,10 @@ def test_what_cannot_be_compiled_is_said():
     problem, network = Swimming(), multilayer(17)
     with pytest.raises(ValueError, match="needs minibatch to be a multiple of 32, not 100; use 'torch'"):
         ValueGradientLearner(problem, network, ValueGradientSettings(minibatch=100), engine="compiled")
-    with pytest.raises(ValueError, match="knows Swimming, not 'pendulum'; use 'torch'"):
+    with pytest.raises(ValueError, match=r"knows Swimming, not Pendulum \('pendulum'\); use 'torch'"):
         ValueGradientLearner(Pendulum(), multilayer(3), engine="compiled")
+    with pytest.raises(ValueError, match="engine must be 'auto', 'compiled' or 'torch', got 'fused'"):
+        ValueGradientLearner(problem, network, engine="fused")
     logistic = Cascade(17, 14, sigmoid="logistic")
     with pytest.raises(ValueError, match="knows neurons with sigmoid 'tanh', not 'logistic'; use 'torch'"):
         ValueGradientLearner(problem, logistic, engine="compiled")
@@ -342,7 +353,96 @@ def test_what_cannot_be_compiled_is_said():
     assert ValueGradientLearner(Pendulum(), multilayer(3), SMALL).engine == "torch"
 
 
+class Thrifty(Swimming):
+    """A reward of its own, which no engine knows."""
+
+    def reward(self, x):
+        return super().reward(x) - 1.0
+
+
+class Rectified(Multilayer):
+    """An activation of its own."""
+
+    def forward(self, z):
+        for layer in self.layers[:-1]:
+            z = torch.relu(layer(z))
+        return self.layers[-1](z)[..., 0]
+
+
+def test_what_a_subclass_changes_is_not_ignored():
+    with pytest.raises(TypeError, match="'swim5' has no torch form; describe it as a DifferentiableProblem"):
+        ValueGradientLearner(Thrifty(), multilayer(17))
+    assert compiled_lanes(Thrifty()) is None
+    assert compiled_lanes(Swimming()) is not None
+    with pytest.raises(ValueError, match="SimpleNamespace has no derivatives; describe it as a Differ"):
+        ValueGradientLearner(Swimming(dynamics=SimpleNamespace()), multilayer(17))
+    learner = ValueGradientLearner(Swimming(), Rectified(17, (8,), dtype=torch.float64), SMALL)
+    assert learner.engine == "torch"
+    with pytest.raises(ValueError, match="knows Cascade and Multilayer networks, not Rectified; use 'torch'"):
+        ValueGradientLearner(Swimming(), Rectified(17, (8,)), SMALL, engine="compiled")
+
+
+@pytest.mark.parametrize("problem", [Swimming(), Pendulum()], ids=["compiled", "torch"])
+def test_states_of_another_shape_are_refused(problem):
+    learner, p = ValueGradientLearner(problem, multilayer(problem.n_inputs), SMALL), problem.state_size
+    for states in (np.zeros(p), np.zeros((32, p + 2)), np.zeros((32, p - 1)), np.zeros((1, 32, p))):
+        for use in (
+            learner.control,
+            lambda states: learner.rollout(states, 1.0),
+            lambda states: learner.discounted_return(states, 1.0),
+        ):
+            with pytest.raises(ValueError, match=rf"states must have shape \(count, {p}\), got \("):
+                use(states)
+    with pytest.raises(ValueError, match=r"got skip 0\.0 and duration -5"):
+        learner.discounted_return(np.zeros((1, p)), -5)
+
+
+def test_says_what_is_not_finite():
+    """Before the first step of Adam the learning rate is not to blame."""
+    spike = dataclasses.replace(
+        run_to_the_middle(),
+        reward_rate=lambda x: -torch.sqrt(x[:, 0] ** 2),
+        draw=lambda rng, count: np.zeros((count, 1)),
+    )
+    learner = ValueGradientLearner(spike, multilayer(1, (8,)), BANG_BANG)
+    with pytest.raises(
+        FloatingPointError, match=r"not finite with the initial weights: dt .*, or a derivative"
+    ):
+        learner.step()
+    rooted = dataclasses.replace(spike, encode=lambda x: torch.sqrt(x**2))
+    with pytest.raises(
+        ValueError, match="derivatives of the network's inputs are not finite at some initial"
+    ):
+        ValueGradientLearner(rooted, multilayer(1, (8,)), BANG_BANG)
+
+
 # The learner ---------------------------------------------------------------------------------------------------
+
+
+def test_adam_clips_by_the_norm_and_is_torchs():
+    settings = dataclasses.replace(SMALL, clip=0.5)
+    learner = ValueGradientLearner(Pendulum(), multilayer(3), settings)
+    other = learner._weights.clone().requires_grad_()
+    adam = torch.optim.Adam([other], lr=1.0)
+    generator = torch.Generator().manual_seed(1)
+    for scale in (1e-3, 10.0, 1e-2, 1e-3, 3.0, 1e-4):  # of the norm, some above clip
+        gradient = torch.randn(other.shape, generator=generator, dtype=torch.float64)
+        gradient *= scale / gradient.norm()
+        rate = 0.01 * scale
+        learner._gradient.copy_(gradient)
+        learner._adam(rate)
+        other.grad = gradient
+        torch.nn.utils.clip_grad_norm_([other], 0.5)
+        adam.param_groups[0]["lr"] = rate
+        adam.step()
+    assert torch.allclose(learner._weights, other, rtol=1e-6, atol=1e-8)  # torch's clip adds 1e-6 to the norm
+
+
+def test_learning_rate_is_halved_until_it_is_the_final_one():
+    settings = ValueGradientSettings(learning_rate=8e-3, half_life=10.0, final_rate=1e-3)
+    assert [settings.rate(k) for k in (0, 10, 20, 30, 1000)] == pytest.approx([8e-3, 4e-3, 2e-3, 1e-3, 1e-3])
+    small = ValueGradientSettings(learning_rate=1e-6, final_rate=1e-5)  # never above what it starts with
+    assert [small.rate(k) for k in (0, 1000)] == [1e-6, 1e-6]
 
 
 @pytest.mark.parametrize("engine", ["compiled", "torch"])
@@ -391,24 +491,34 @@ def test_averaged_weights_are_those_of_the_last_rounds_and_make_the_policy():
 
 
 def test_trajectories_go_on_and_start_anew():
-    """All of them within a trial's length, at different times, from states of the law."""
+    """All of them within a trial's length, at different times, from states of the law; the others where they were."""
     problem = Pendulum()
     learner = ValueGradientLearner(problem, multilayer(3), SMALL)  # a trial has two rounds
-    starts = []
-    draw = problem.initial_states
+    drawn, begun = [], []
+    draw, collect = problem.initial_states, learner._engine.collect
 
-    def watch(rng, count):
-        starts.append(count)
-        return draw(rng, count)
+    def watch_draw(rng, count):
+        drawn.append(draw(rng, count))
+        return drawn[-1]
 
-    object.__setattr__(problem, "initial_states", watch)
-    before = learner.state_dict()["tensors"]["states"]
+    def watch_collect(weights, x, flips):
+        begun.append(x.copy())
+        return collect(weights, x, flips)
+
+    object.__setattr__(problem, "initial_states", watch_draw)
+    learner._engine.collect = watch_collect
+    ended = [learner._states.copy()]
     for _ in range(3):
         learner.step()
-    assert len(starts) == 2  # not in the first round; then each trajectory once in two rounds
-    assert sum(starts) == 32
-    assert 0 < min(starts)
-    assert (learner.state_dict()["tensors"]["states"] - before).abs().max(dim=1).values.min() > 0
+        ended.append(learner._states.copy())
+    assert len(drawn) == 2  # not in the first round; then each trajectory once in two rounds
+    assert sum(map(len, drawn)) == 32
+    assert min(map(len, drawn)) > 0
+    anew = [(x != before).any(axis=1) for x, before in zip(begun, ended[:-1], strict=True)]
+    assert not anew[0].any()
+    assert (anew[1] ^ anew[2]).all()
+    for x, at, states in zip(begun[1:], anew[1:], drawn, strict=True):
+        np.testing.assert_array_equal(x[at], states)
 
 
 def test_loss_weighs_its_parts():
@@ -433,6 +543,7 @@ def test_slopes_count_in_units_of_network_inputs():
         ({"averaged_share": 0.0}, r"averaged_share must be in \(0, 1\], got 0.0"),
         ({"s_lambda": -1.0}, "s_lambda must not be negative, got -1.0"),
         ({"slope_weight": 0.0, "value_weight": 0.0}, "value_weight and slope_weight must not both be 0"),
+        ({"steps": 200, "dt": 0.1}, "trial_duration must be at least steps x dt = 20 s, got 10.0"),
         ({"trajectories": 2, "steps": 5, "minibatch": 11}, "minibatch must be at most .* = 10, got 11"),
     ],
 )  # fmt: skip
