@@ -73,7 +73,7 @@ class Engine(Protocol):
 
 
 def _slope_weights(problem: ControlProblem, w: float) -> Tensor:
-    """w S_i^2, shape (p,): S_i = 1 / |dz/dx_i|, over a sample of initial states; 0 where x_i does not change z there."""
+    """w S_i^2, shape (p,): S_i = 1 / |dz/dx_i|, over a sample of initial states; 0 where x_i does not move z there."""
     sample = torch.from_numpy(problem.initial_states(np.random.default_rng(0), 256)).double()
     jacobian = torch.func.vmap(torch.func.jacrev(problem.inputs))(sample)
     squared = jacobian.square().sum(dim=1).mean(dim=0)
