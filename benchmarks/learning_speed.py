@@ -34,8 +34,10 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from swimmer_mj.compiled.rational_tanh import tanh_of_lanes, tanh_of_one
+from swimmer_mj.compiled.vectors import FAST, LANES, add_lanes, load, multiply_add, splat, store
 from swimmer_mj.files import replacing
-from swimmer_mj.learning.benchmark import (
+from swimmer_mj.learning.experiments.rates import (
     best_rates,
     fused,
     mj_step,
@@ -45,11 +47,9 @@ from swimmer_mj.learning.benchmark import (
     swimming_learner,
     viscous_mj_step,
 )
-from swimmer_mj.learning.population import PopulationTD
-from swimmer_mj.learning.rational_tanh import tanh_of_lanes, tanh_of_one
-from swimmer_mj.learning.swimming import Swimming
-from swimmer_mj.learning.swimming_lanes import compiled_lanes
-from swimmer_mj.lowlevel import FAST, LANES, add_lanes, load, multiply_add, splat, store
+from swimmer_mj.learning.problems.swim.lanes import compiled_lanes
+from swimmer_mj.learning.problems.swim.swimming import Swimming
+from swimmer_mj.learning.td.population import PopulationTD
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 if TYPE_CHECKING:

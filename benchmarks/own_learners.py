@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 from yardstick import Clock, Row, append, finished, row, swimming_speed
 
-from swimmer_mj.learning.evaluation import SwimmingSpeed
-from swimmer_mj.learning.fused import FusedTD
-from swimmer_mj.learning.networks import Cascade
-from swimmer_mj.learning.trainer import TrainConfig, value_gradient_config
-from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
+from swimmer_mj.learning.networks.networks import Cascade
+from swimmer_mj.learning.runs.evaluation import SwimmingSpeed
+from swimmer_mj.learning.runs.trainer import TrainConfig, value_gradient_config
+from swimmer_mj.learning.td.fused import FusedTD
+from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.parameters import PAPER
 
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "own-learners.csv"

@@ -42,9 +42,9 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 from yardstick import Clock, Row, append, finished, row, swimming_speed
 
-from swimmer_mj.learning.swimming import Swimming
+from swimmer_mj.environments.vector import SwimmerVectorEnv
+from swimmer_mj.learning.problems.swim.swimming import Swimming
 from swimmer_mj.parameters import PAPER
-from swimmer_mj.vector import SwimmerVectorEnv
 
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "peers-sb3.csv"
 

@@ -28,17 +28,17 @@ from rich.console import Console
 from rich.table import Table
 from yardstick import CONTROL_TIMESTEP, swimming_speed
 
-from swimmer_mj import suite
-from swimmer_mj.learning.evaluation import (
+from swimmer_mj.environments import suite
+from swimmer_mj.learning.networks.policy import GreedyPolicy
+from swimmer_mj.learning.runs.evaluation import (
     EPISODE_DURATION,
     N_EPISODES,
     SETTLING_TIME,
     evaluation_states,
     mean_and_interval_text,
 )
-from swimmer_mj.learning.policy import GreedyPolicy
-from swimmer_mj.learning.trainer import load_policy
-from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
+from swimmer_mj.learning.runs.trainer import load_policy
+from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 Array = NDArray[np.float64]

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from swimmer_mj.learning.evaluation import (
+from swimmer_mj.environments.vector import SwimmerVectorEnv
+from swimmer_mj.learning.runs.evaluation import (
     EPISODE_DURATION,
     N_EPISODES,
     SETTLING_TIME,
@@ -19,7 +20,6 @@ from swimmer_mj.learning.evaluation import (
     mean_and_interval,
 )
 from swimmer_mj.parameters import PAPER, SwimmerParameters
-from swimmer_mj.vector import SwimmerVectorEnv
 
 CONTROL_TIMESTEP = 0.01  # s
 
@@ -89,10 +89,10 @@ def swimming_speed(
     *,
     hold: int = 1,
 ) -> SwimmingSpeed:
-    """The number of ``swimmer_mj.learning.evaluation.evaluate_swimming``, sooner, on one core.
+    """The number of ``swimmer_mj.learning.runs.evaluation.evaluate_swimming``, sooner, on one core.
 
     The 64 episodes are one vector environment, whose dynamics and rewards are those of the dm_control task, number
-    for number: tests/swimmer_mj/test_gymnasium.py.
+    for number: tests/swimmer_mj/environments/test_gymnasium.py.
 
     Parameters
     ----------

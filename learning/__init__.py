@@ -1,6 +1,6 @@
 """The learner of sections 2 to 4: control problems, value networks, continuous TD(lambda), runs and their evaluation.
 
-Read :mod:`~swimmer_mj.learning.continuous_td` beside equation 2; :mod:`~swimmer_mj.learning.fused` is the same
+Read :mod:`~swimmer_mj.learning.td.continuous_td` beside equation 2; :mod:`~swimmer_mj.learning.td.fused` is the same
 algorithm, compiled. Nothing is imported before it is asked for.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from swimmer_mj.learning.policy import SwimmingPolicy
+    from swimmer_mj.learning.networks.policy import SwimmingPolicy
 
 __all__ = ["load_pretrained"]
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from swimmer_mj.environments.suite import SUITE, load, register, unregister
     from swimmer_mj.parameters import PAPER, SwimmerParameters
-    from swimmer_mj.suite import SUITE, load, register, unregister
 
     __version__: str
 
@@ -21,11 +21,11 @@ __all__ = ["PAPER", "SUITE", "SwimmerParameters", "__version__", "load", "regist
 
 _HOME = {
     "PAPER": "parameters",
-    "SUITE": "suite",
+    "SUITE": "environments.suite",
     "SwimmerParameters": "parameters",
-    "load": "suite",
-    "register": "suite",
-    "unregister": "suite",
+    "load": "environments.suite",
+    "register": "environments.suite",
+    "unregister": "environments.suite",
 }
 
 

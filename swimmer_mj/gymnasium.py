@@ -1,226 +1,27 @@
-"""The swimmer as Gymnasium environments.
+"""Importing this module registers the swimmer's Gymnasium environments.
 
     import gymnasium
-    import swimmer_mj.gymnasium                                     # registers the environments
+    import swimmer_mj.gymnasium
 
     env = gymnasium.make("swimmer_mj/Swim5-v0")                     # one swimmer
     envs = gymnasium.make_vec("swimmer_mj/Swim5-v0", num_envs=64)   # many, stepped together on all cores
 
 or, without the import, ``gymnasium.make("swimmer_mj.gymnasium:swimmer_mj/Swim5-v0")``. There are ``Swim3-v0``,
 ``Swim4-v0``, ``Swim5-v0`` (swim along the x axis) and ``Steer3-v0``, ``Steer4-v0``, ``Steer5-v0`` (along a
-direction that is drawn anew for each episode), each truncated after 500 steps of 0.01 s. They are the tasks of
-:mod:`swimmer_mj.suite`, to the last bit.
-
-Importing this module imports no MuJoCo; making an environment does.
+direction that is drawn anew for each episode), each truncated after 500 steps of 0.01 s.
+:mod:`swimmer_mj.environments.gymnasium` and :mod:`swimmer_mj.environments.vector` have their code.
 """
 
 from __future__ import annotations
 
-import operator
-from typing import TYPE_CHECKING, Any
-
 import gymnasium
-import numpy as np
-from gymnasium import spaces
-from gymnasium.error import ResetNeeded
-from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from swimmer_mj.parameters import SwimmerParameters
-    from swimmer_mj.suite import InitialStates, Physics, Swim
+from swimmer_mj.environments.gymnasium import SwimmerEnv
 
 __all__ = ["SwimmerEnv"]
 
 _MAX_EPISODE_STEPS = 500
 """5 s, a trial of the paper."""
-
-_LARGEST_FRAME = 1280, 720  # the model's offscreen buffer
-_CAMERAS = "tracking", "top"
-
-Array = NDArray[np.float64]
-Action = NDArray[np.float32]
-
-
-def legacy_seed(seed: int) -> int | list[int]:
-    """``seed`` as ``RandomState`` takes it: itself where it can, else its words of 32 bits, lowest first."""
-    if seed < 2**32:
-        return seed
-    return [seed >> shift & 0xFFFFFFFF for shift in range(0, seed.bit_length(), 32)]
-
-
-def whole_number(name: str, value: Any, largest: float = float("inf"), *, least: int = 1) -> int:
-    """``value``, an integer from ``least`` to ``largest``, as an int."""
-    try:
-        number = operator.index(value)
-    except TypeError:
-        number = least - 1
-    if not least <= number <= largest:
-        bounds = f"of at least {least}" if largest == float("inf") else f"from {least} to {largest}"
-        raise ValueError(f"{name} must be an integer {bounds}, got {value!r}")
-    return number
-
-
-class SwimmerEnv(gymnasium.Env[Array, Action]):
-    """A task of :mod:`swimmer_mj.suite` as a Gymnasium environment.
-
-    **Observation**, ``Box(-inf, inf, (2n + 2,), float64)``: the task's observations one after the other, in
-    the frame whose x axis is the target direction.
-
-    ============  ==================================  =====
-    Index         Quantity                            Unit
-    ============  ==================================  =====
-    0 .. n-1      angles of the links, in [-pi, pi]   rad
-    n .. 2n-1     their angular velocities            rad/s
-    2n, 2n+1      velocity of the centre of mass      m/s
-    ============  ==================================  =====
-
-    **Action**, ``Box(-1, 1, (n - 1,), float32)``: the torques of the joints in units of their limits, head
-    first. Torques beyond the limits are clipped.
-
-    **Reward**: the mean velocity of the centre of mass along the target direction during the step, m/s.
-
-    **Episode**: starts from a random state and never terminates. ``gymnasium.make`` truncates it after 500
-    steps, or as many as its ``max_episode_steps`` says; the bare class never does.
-
-    ``reset(seed=s)`` starts the episodes of ``swimmer_mj.load(task, task_kwargs={"random": s})``: they are drawn
-    from dm_control's kind of source, ``task.random``. ``np_random``, Gymnasium's, gets the same seed and is left
-    to wrappers. A pickled or copied environment goes on where the original stands.
-
-    Parameters
-    ----------
-    task : str
-        A task of :data:`swimmer_mj.suite.SUITE`, such as ``"swim5"``.
-    params : SwimmerParameters, optional
-        Another swimmer with the task's number of links.
-    initial_states : callable, optional
-        Where episodes start, see :class:`swimmer_mj.suite.Swim`.
-    frame_skip : int
-        How many steps of 0.01 s the action is held for in one step of the environment.
-    render_mode : {None, "rgb_array"}
-        Whether :meth:`render` gives frames.
-    width, height : int
-        Size of a frame, at most 1280 and 720.
-    camera_name : {"tracking", "top"}
-        Whether the camera follows the swimmer or looks at the place where episodes start.
-    """
-
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 100}  # noqa: RUF012, as Gymnasium declares it
-
-    def __init__(
-        self,
-        task: str,
-        *,
-        params: SwimmerParameters | None = None,
-        initial_states: InitialStates | None = None,
-        frame_skip: int = 1,
-        render_mode: str | None = None,
-        width: int = 640,
-        height: int = 480,
-        camera_name: str = "tracking",
-    ) -> None:
-        from swimmer_mj import suite
-
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(
-                f"render_mode must be None or one of {self.metadata['render_modes']}, got {render_mode!r}"
-            )
-        frame_skip = whole_number("frame_skip", frame_skip)
-        width = whole_number("width", width, _LARGEST_FRAME[0])
-        height = whole_number("height", height, _LARGEST_FRAME[1])
-        if camera_name not in _CAMERAS:
-            raise ValueError(f"camera_name must be one of {', '.join(_CAMERAS)}; got {camera_name!r}")
-        self._env = suite.load(
-            task,
-            task_kwargs={
-                "random": np.random.RandomState(legacy_seed(self.np_random_seed)),
-                "time_limit": float("inf"),
-                "params": params,
-                "initial_states": initial_states,
-            },
-            environment_kwargs={"n_sub_steps": frame_skip},
-        )
-        n = self.physics.parameters.n_links
-        self.observation_space = spaces.Box(-np.inf, np.inf, (2 * n + 2,), np.float64)
-        self.action_space = spaces.Box(-1, 1, (n - 1,), np.float32)
-        self.frame_skip = frame_skip
-        self._in_episode = False
-        self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": round(1 / self._env.control_timestep())}
-        self._frame = {"width": width, "height": height, "camera_id": camera_name}
-
-    @property
-    def physics(self) -> Physics:
-        """The simulation, with the swimmer's state and parameters."""
-        return self._env.physics
-
-    @property
-    def task(self) -> Swim:
-        """The task, which starts episodes and gives rewards."""
-        return self._env.task
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Array, dict[str, Any]]:
-        """Start an episode.
-
-        Parameters
-        ----------
-        seed : int, optional
-            Not negative. Without one, random numbers go on where they stand.
-        options : dict, optional
-            Ignored.
-
-        Returns
-        -------
-        observation : ndarray, shape (2n + 2,)
-        info : dict
-            Empty.
-        """
-        super().reset(seed=seed)
-        if seed is not None:
-            self.task.random.seed(legacy_seed(seed))
-        self._in_episode = True
-        return self._observation(self._env.reset()), {}
-
-    def step(self, action: Action) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Hold the torques ``action``, shape (n - 1,), for one step.
-
-        Returns
-        -------
-        observation : ndarray, shape (2n + 2,)
-        reward : float
-            m/s.
-        terminated, truncated : bool
-            Always False.
-        info : dict
-            Empty.
-
-        Raises
-        ------
-        gymnasium.error.ResetNeeded
-            There was no :meth:`reset` yet.
-        """
-        if not self._in_episode:
-            raise ResetNeeded("call reset() before the first step()")
-        if np.shape(action) != self.action_space.shape:
-            raise ValueError(f"action must have shape {self.action_space.shape}, got {np.shape(action)}")
-        time_step = self._env.step(action)
-        return self._observation(time_step), time_step.reward, False, False, {}
-
-    @staticmethod
-    def _observation(time_step: Any) -> Array:
-        return np.concatenate(list(time_step.observation.values()))
-
-    def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The present frame, shape (height, width, 3), or None without a ``render_mode``."""
-        if self.render_mode is None:
-            gymnasium.logger.warn("render() gives no frame without render_mode='rgb_array' at construction")
-            return None
-        return self.physics.render(**self._frame)
-
-    def close(self) -> None:
-        """Free the simulation and its rendering contexts, and release the viscous friction."""
-        self.physics.free()
 
 
 def _register() -> None:
@@ -228,8 +29,8 @@ def _register() -> None:
         for n_links in (3, 4, 5):
             gymnasium.register(
                 id=f"swimmer_mj/{name}{n_links}-v0",
-                entry_point="swimmer_mj.gymnasium:SwimmerEnv",
-                vector_entry_point="swimmer_mj.vector:SwimmerVectorEnv",
+                entry_point="swimmer_mj.environments.gymnasium:SwimmerEnv",
+                vector_entry_point="swimmer_mj.environments.vector:SwimmerVectorEnv",
                 max_episode_steps=_MAX_EPISODE_STEPS,
                 kwargs={"task": f"{name.lower()}{n_links}"},
             )

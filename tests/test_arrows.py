@@ -50,11 +50,12 @@ def test_imports_point_one_way(path):
         if module.split(".")[0] == "torch":
             assert own >= LAYERS.index("learning") or path in LOOKS_UP, f"{path} imports torch"
         if module.split(".")[0] in ("mujoco", "dm_control"):
-            assert path.name not in ("analytic.py", "state.py", "parameters.py", "reduced.py")
+            assert path.name not in ("analytic.py", "state.py", "parameters.py")
         if path.parts[-2] == "models":
             pytest.fail(f"models imports nothing, but {path} imports {module}")
 
 
 def test_there_are_files_to_look_at():
     assert len(FILES) > 20
-    assert ("swimmer_mj.reduced.reduced_constants", True) in set(imports(ROOT / "learning" / "swimming.py"))
+    path = ROOT / "learning" / "td" / "fused.py"
+    assert ("swimmer_mj.learning.networks.networks.Cascade", True) in set(imports(path))

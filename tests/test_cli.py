@@ -13,7 +13,7 @@ from swimmer_mj.cli import COMMANDS, main, output, pictures, viewing
 from swimmer_mj.cli.runs import free_directory
 from swimmer_mj.cli.training import parse_seeds, train
 from swimmer_mj.learning.pretrained import pretrained_card, pretrained_names
-from swimmer_mj.learning.trainer import TrainConfig, read_config
+from swimmer_mj.learning.runs.trainer import TrainConfig, read_config
 from swimmer_mj.render.curves import read_metrics
 from swimmer_mj.trajectory import Trajectory
 
@@ -259,13 +259,13 @@ def test_info(capsys, trained):
 
 def test_info_offers_the_tasks_and_problems_there_are(monkeypatch, capsys):
     import swimmer_mj
-    from swimmer_mj.learning import trainer
+    from swimmer_mj.learning.runs import trainer
 
     @dataclasses.dataclass
     class Config:
         problem: Literal["swim", "fly"]
 
-    monkeypatch.setattr(swimmer_mj.suite, "SUITE", ["swim99"])
+    monkeypatch.setattr(swimmer_mj.environments.suite, "SUITE", ["swim99"])
     monkeypatch.setattr(trainer, "TrainConfig", Config)
     _, out, _ = run(capsys, "info", "--json")
     assert json.loads(out)["tasks"] == ["swim99"]
@@ -330,7 +330,7 @@ def test_a_taken_directory_of_several_is_found_before_the_first_is_written(tmp_p
 
 
 def test_train_reports_the_trials_that_were_saved(tmp_path, monkeypatch, capsys):
-    from swimmer_mj.learning import trainer
+    from swimmer_mj.learning.runs import trainer
 
     def one_stretch_too_many(runs, **_):
         for trained in runs:

@@ -17,10 +17,10 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from swimmer_mj.files import replacing
-from swimmer_mj.learning.evaluation import evaluation_states, record_episode
 from swimmer_mj.learning.experiments import LOGS
 from swimmer_mj.learning.pretrained import pretrained_directory
-from swimmer_mj.learning.trainer import load_policy
+from swimmer_mj.learning.runs.evaluation import evaluation_states, record_episode
+from swimmer_mj.learning.runs.trainer import load_policy
 from swimmer_mj.render.figures import save_figure
 from swimmer_mj.render.reproduction import FIGURES
 from swimmer_mj.render.strip import film_strip

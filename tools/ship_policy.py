@@ -14,10 +14,10 @@ from pathlib import Path
 import torch
 import tyro
 
-from swimmer_mj.learning.checkpoint import load_checkpoint, save_checkpoint
-from swimmer_mj.learning.evaluation import evaluate_swimming
-from swimmer_mj.learning.policy import SwimmingPolicy
-from swimmer_mj.learning.trainer import BEST, CONFIG, LOG, load_policy
+from swimmer_mj.learning.networks.policy import SwimmingPolicy
+from swimmer_mj.learning.runs.checkpoint import load_checkpoint, save_checkpoint
+from swimmer_mj.learning.runs.evaluation import evaluate_swimming
+from swimmer_mj.learning.runs.trainer import BEST, CONFIG, LOG, load_policy
 
 PRETRAINED = Path(__file__).parent.parent / "learning" / "pretrained"
 

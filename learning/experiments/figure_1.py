@@ -20,13 +20,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import torch
 
-from swimmer_mj.learning.continuous_td import TDSettings
 from swimmer_mj.learning.experiments.noise import NoiseMeter
 from swimmer_mj.learning.experiments.tables import LOGS, Path, write_table
-from swimmer_mj.learning.fused import FusedTD
-from swimmer_mj.learning.layered import Layered
-from swimmer_mj.learning.pendulum import Pendulum
-from swimmer_mj.learning.vario_eta import VarioEta
+from swimmer_mj.learning.networks.layered import Layered
+from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
+from swimmer_mj.learning.td.continuous_td import TDSettings
+from swimmer_mj.learning.td.fused import FusedTD
+from swimmer_mj.learning.td.vario_eta import VarioEta
 
 __all__ = ["METHODS", "REWARD_LOG", "WEIGHTS_LOG", "make_meter", "run"]
 

@@ -19,20 +19,20 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from swimmer_mj.learning.continuous_td import (
+from swimmer_mj.learning.experiments.linear_approximators import radial_basis
+from swimmer_mj.learning.experiments.tables import LOGS, Path, write_table
+from swimmer_mj.learning.networks.networks import Cascade, ValueNetwork
+from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
+from swimmer_mj.learning.problems.problem import ControlProblem
+from swimmer_mj.learning.problems.swim.swimming import Swimming
+from swimmer_mj.learning.td.continuous_td import (
     TDSettings,
     greedy_control,
     hamiltonian,
 )
-from swimmer_mj.learning.experiments.linear_approximators import radial_basis
-from swimmer_mj.learning.experiments.tables import LOGS, Path, write_table
-from swimmer_mj.learning.fused import FusedTD
-from swimmer_mj.learning.hamiltonian import hamiltonian_by_difference, second_order_term, switches
-from swimmer_mj.learning.linear import LinearTD
-from swimmer_mj.learning.networks import Cascade, ValueNetwork
-from swimmer_mj.learning.pendulum import Pendulum
-from swimmer_mj.learning.problem import ControlProblem
-from swimmer_mj.learning.swimming import Swimming
+from swimmer_mj.learning.td.fused import FusedTD
+from swimmer_mj.learning.td.hamiltonian import hamiltonian_by_difference, second_order_term, switches
+from swimmer_mj.learning.td.linear import LinearTD
 
 __all__ = ["DT_LOG", "EPISODE_LOG", "LEARNING_LOG", "BothHamiltonians", "both_hamiltonians", "run"]
 

@@ -3,8 +3,8 @@
     swimmer-mj figures figure-2 --rerun --out DIRECTORY
 
 (figure-2-3-links and figure-2-4-links for the others) starts what is not there and goes on with what is, until each run
-has its trials. The sixteen runs of a swimmer are one pack of :mod:`swimmer_mj.learning.population`; what a run computes
-depends neither on interruptions nor on the others. To use a machine's cores, run the three swimmers at once.
+has its trials. The sixteen runs of a swimmer are one pack of :mod:`~swimmer_mj.learning.td.population`; what a run
+computes depends neither on interruptions nor on the others. To use a machine's cores, run the three swimmers at once.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from swimmer_mj.learning.continuous_td import TDSettings
 from swimmer_mj.learning.experiments.tables import LOGS, write_table
-from swimmer_mj.learning.trainer import ETA, Metrics, Report, TrainConfig, TrainingRun, train_together
-from swimmer_mj.learning.trainer import LOG as METRICS_LOG
+from swimmer_mj.learning.runs.trainer import ETA, Metrics, Report, TrainConfig, TrainingRun, train_together
+from swimmer_mj.learning.runs.trainer import LOG as METRICS_LOG
+from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = ["ETAS", "SEEDS", "SWIMMERS", "Swimmer", "collect", "configurations", "open_runs", "run"]

@@ -7,9 +7,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.learning import vario_eta
-from swimmer_mj.learning.fused import FusedTD
-from swimmer_mj.learning.vario_eta import VarioEta
+from swimmer_mj.learning.td import vario_eta
+from swimmer_mj.learning.td.fused import FusedTD
+from swimmer_mj.learning.td.vario_eta import VarioEta
 
 __all__ = ["NoiseMeter"]
 

@@ -5,7 +5,7 @@ Four ways to set the rates of a cascade's weights, with everything else the same
 - plain: one global rate;
 - output scaled: section 3.3, the rate of the output unit's weights divided by sqrt(n);
 - vario-eta: section 3.2;
-- Levenberg-Marquardt: :mod:`swimmer_mj.learning.levenberg_marquardt`.
+- Levenberg-Marquardt: :mod:`swimmer_mj.learning.td.levenberg_marquardt`.
 
 Each method's eta (with Levenberg-Marquardt also mu, with vario-eta also epsilon: both bound the rate) is the best of a
 sweep on seeds that are not reported: the setting with the highest reward, taken as a mean over all evaluations of the
@@ -37,18 +37,18 @@ import torch
 from numpy.typing import NDArray
 from scipy import stats
 
-from swimmer_mj.learning import levenberg_marquardt, vario_eta
-from swimmer_mj.learning.continuous_td import TDSettings
-from swimmer_mj.learning.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
+from swimmer_mj.learning.td import levenberg_marquardt, vario_eta
 from swimmer_mj.learning.experiments.tables import LOGS, Path, write_table
-from swimmer_mj.learning.fused import FusedTD
-from swimmer_mj.learning.levenberg_marquardt import LevenbergMarquardt
-from swimmer_mj.learning.networks import Cascade
-from swimmer_mj.learning.pendulum import Pendulum
-from swimmer_mj.learning.population import LANES, PopulationTD
-from swimmer_mj.learning.problem import ControlProblem
-from swimmer_mj.learning.swimming import Swimming
-from swimmer_mj.learning.trainer import evaluation_sample
+from swimmer_mj.learning.networks.networks import Cascade
+from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
+from swimmer_mj.learning.problems.problem import ControlProblem
+from swimmer_mj.learning.problems.swim.swimming import Swimming
+from swimmer_mj.learning.runs.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
+from swimmer_mj.learning.runs.trainer import evaluation_sample
+from swimmer_mj.learning.td.continuous_td import TDSettings
+from swimmer_mj.learning.td.fused import FusedTD
+from swimmer_mj.learning.td.levenberg_marquardt import LevenbergMarquardt
+from swimmer_mj.learning.td.population import LANES, PopulationTD
 
 __all__ = [
     "LEARNING_LOG",

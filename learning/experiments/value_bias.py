@@ -22,12 +22,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from swimmer_mj.learning.continuous_td import TDSettings
 from swimmer_mj.learning.experiments.tables import LOGS, Path, write_table
-from swimmer_mj.learning.fused import FusedTD
-from swimmer_mj.learning.networks import Cascade
-from swimmer_mj.learning.pendulum import Pendulum
-from swimmer_mj.learning.swimming import Swimming
+from swimmer_mj.learning.networks.networks import Cascade
+from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
+from swimmer_mj.learning.problems.swim.swimming import Swimming
+from swimmer_mj.learning.td.continuous_td import TDSettings
+from swimmer_mj.learning.td.fused import FusedTD
 
 __all__ = ["STATES_LOG", "TABLE_LOG", "ErrorOfValue", "run", "value_error"]
 

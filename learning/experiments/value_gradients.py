@@ -1,6 +1,6 @@
 """Value gradients: what matters to them, how fast other swimmers get, and whether speed lasts.
 
-Three studies of :mod:`swimmer_mj.learning.value_gradient`, ten seeds each:
+Three studies of :mod:`swimmer_mj.learning.value_gradient.equations`, ten seeds each:
 
 - ``ablation``: one setting changed at a time, for as much simulated time as the others;
 - ``links``: the chosen settings with 3, 4, 5, 6 and 10 links;
@@ -29,11 +29,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
-from swimmer_mj.learning.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
 from swimmer_mj.learning.experiments.tables import LOGS, read_table, write_table
-from swimmer_mj.learning.networks import Cascade, ValueNetwork
-from swimmer_mj.learning.trainer import TrainConfig, value_gradient_config
-from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
+from swimmer_mj.learning.networks.networks import Cascade, ValueNetwork
+from swimmer_mj.learning.runs.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
+from swimmer_mj.learning.runs.trainer import TrainConfig, value_gradient_config
+from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = ["ABLATION_LOG", "LASTING_LOG", "LINKS_LOG", "Variant", "ablation", "lasting", "links", "run_study"]

@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimmer_mj.learning.continuous_td import TDSettings
-from swimmer_mj.learning.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
 from swimmer_mj.learning.experiments.tables import LOGS, read_table, write_table
-from swimmer_mj.learning.fused import FusedTD
-from swimmer_mj.learning.networks import Cascade
-from swimmer_mj.learning.population import LANES, PopulationTD
-from swimmer_mj.learning.trainer import TrainConfig, evaluation_sample
+from swimmer_mj.learning.networks.networks import Cascade
+from swimmer_mj.learning.runs.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
+from swimmer_mj.learning.runs.trainer import TrainConfig, evaluation_sample
+from swimmer_mj.learning.td.continuous_td import TDSettings
+from swimmer_mj.learning.td.fused import FusedTD
+from swimmer_mj.learning.td.population import LANES, PopulationTD
 
 __all__ = ["BASELINE", "LOG", "VARIANTS", "Variant", "merge", "run"]
 

@@ -36,8 +36,8 @@ def validate(seed: int = 0, html: Path | None = None, json: bool = False) -> Non
     if html is not None and (html.is_dir() or not html.parent.is_dir()):
         raise ValueError(f"--html must be a file in an existing directory, got {html}")
 
-    from swimmer_mj.report import write_page
     from swimmer_mj.validation import full_report
+    from swimmer_mj.validation.page import write_page
 
     started = time.perf_counter()
     console = make_console(json)
@@ -78,7 +78,7 @@ def bench(json: bool = False) -> None:
     Args:
         json: Print one JSON object.
     """
-    from swimmer_mj.learning.benchmark import run_benchmark
+    from swimmer_mj.learning.experiments.rates import run_benchmark
 
     console = make_console(json)
     with status(console, "timing"):

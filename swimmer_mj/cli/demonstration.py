@@ -22,7 +22,7 @@ from swimmer_mj.cli.runs import evaluate_run, free_directory
 from swimmer_mj.cli.training import train_runs
 
 if TYPE_CHECKING:
-    from swimmer_mj.learning.trainer import TrainConfig
+    from swimmer_mj.learning.runs.trainer import TrainConfig
 
 __all__ = ["DEMO_SECONDS", "DEMO_SPEED", "demo"]
 
@@ -51,7 +51,7 @@ def demo(
     # Before MuJoCo is imported, and before minutes of training: what cannot be drawn says so now
     use_backend(backend)
 
-    from swimmer_mj.learning.trainer import LOG, TrainConfig, TrainingRun, value_gradient_config
+    from swimmer_mj.learning.runs.trainer import LOG, TrainConfig, TrainingRun, value_gradient_config
     from swimmer_mj.validation import physics_report
 
     console = make_console(json)
@@ -110,7 +110,7 @@ def _compile(configs: Sequence[TrainConfig]) -> None:
     """Have numba compile what runs of ``configs`` need, by a little work whose result is dropped."""
     import numpy as np
 
-    from swimmer_mj.learning.methods import make_learning
+    from swimmer_mj.learning.runs.methods import make_learning
 
     for config in configs:
         problem = config.make_problem()

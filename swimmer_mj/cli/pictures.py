@@ -66,8 +66,8 @@ def render_run(
     beside: Sequence[tuple[str, Path]] = (),
 ) -> dict[str, Path]:
     """Draw all there is to see of a run; the backend is chosen before."""
-    from swimmer_mj.learning.evaluation import evaluation_states, record_episode
-    from swimmer_mj.learning.trainer import LOG, load_policy
+    from swimmer_mj.learning.runs.evaluation import evaluation_states, record_episode
+    from swimmer_mj.learning.runs.trainer import LOG, load_policy
     from swimmer_mj.render.curves import OPEN_LOOP_SPEED, learning_curve, rollout_plot
     from swimmer_mj.render.figures import save_figure
     from swimmer_mj.render.strip import film_strip

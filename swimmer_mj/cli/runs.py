@@ -59,7 +59,7 @@ def evaluate(
     else:
         import numpy as np
 
-        from swimmer_mj.learning.evaluation import mean_and_interval
+        from swimmer_mj.learning.runs.evaluation import mean_and_interval
 
         mean, interval = mean_and_interval(np.array([result["speed_mean"] for result in results]))
         summary = {
@@ -80,10 +80,10 @@ def evaluate_run(directory: Path, which: Which, episodes: int) -> dict[str, Any]
     """Speed of a run's policy on MuJoCo; bias and error of its V against returns, by equation 1."""
     import numpy as np
 
-    from swimmer_mj.learning.evaluation import evaluate_swimming, known_interval
-    from swimmer_mj.learning.policy import SwimmingPolicy
-    from swimmer_mj.learning.trainer import evaluation_sample, load_policy
-    from swimmer_mj.learning.value_gradient_learner import ValueGradientLearner
+    from swimmer_mj.learning.networks.policy import SwimmingPolicy
+    from swimmer_mj.learning.runs.evaluation import evaluate_swimming, known_interval
+    from swimmer_mj.learning.runs.trainer import evaluation_sample, load_policy
+    from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 
     policy, config, info = load_policy(directory, which)
     if config.problem != "swim":
@@ -137,7 +137,7 @@ def _package_facts() -> dict[str, Any]:
     """What this package offers."""
     import swimmer_mj
     from swimmer_mj.learning.pretrained import pretrained_names
-    from swimmer_mj.learning.trainer import TrainConfig
+    from swimmer_mj.learning.runs.trainer import TrainConfig
 
     return {
         "version": swimmer_mj.__version__,
@@ -152,7 +152,7 @@ def _package_facts() -> dict[str, Any]:
 
 def _run_facts(directory: Path) -> dict[str, Any]:
     """What the run in ``directory`` is, and how far it has come."""
-    from swimmer_mj.learning.trainer import load_policy
+    from swimmer_mj.learning.runs.trainer import load_policy
 
     _, config, checkpoint = load_policy(directory)
     return {
@@ -164,7 +164,7 @@ def _run_facts(directory: Path) -> dict[str, Any]:
 
 def run_directories(path: Path) -> list[Path]:
     """``path`` itself if it is a run, or the runs seed-0, seed-1 .. in it."""
-    from swimmer_mj.learning.trainer import CONFIG
+    from swimmer_mj.learning.runs.trainer import CONFIG
 
     if (path / CONFIG).is_file():
         return [path]

@@ -17,7 +17,7 @@ from swimmer_mj.cli.runs import run_directories
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from swimmer_mj.learning.trainer import Report, TrainingRun
+    from swimmer_mj.learning.runs.trainer import Report, TrainingRun
 
 __all__ = ["parse_seeds", "train", "train_runs"]
 
@@ -87,9 +87,9 @@ def train(
     if method == "value-gradient" and (eta is not None or vario_eta):
         raise ValueError(f"--{'vario-eta' if vario_eta else 'eta'} is for --method td")
 
-    from swimmer_mj.learning.continuous_td import TDSettings
-    from swimmer_mj.learning.trainer import CONFIG, ETA, TrainConfig, TrainingRun, value_gradient_config
-    from swimmer_mj.learning.vario_eta import VarioEta
+    from swimmer_mj.learning.runs.trainer import CONFIG, ETA, TrainConfig, TrainingRun, value_gradient_config
+    from swimmer_mj.learning.td.continuous_td import TDSettings
+    from swimmer_mj.learning.td.vario_eta import VarioEta
     from swimmer_mj.parameters import PAPER, SwimmerParameters
 
     if eta is None:
@@ -168,7 +168,7 @@ def train_runs(
     import torch
     from rich.markup import escape
 
-    from swimmer_mj.learning.trainer import train_together
+    from swimmer_mj.learning.runs.trainer import train_together
 
     torch.set_num_threads(1)  # the learners are the parallelism
     started = time.monotonic()

@@ -59,8 +59,8 @@ def _open_viewer(task: str, run: Path | None, which: Which, seed: int) -> None:
     console = make_console(False)
     policy, config = None, None
     if run is not None:
-        from swimmer_mj.learning.policy import SwimmingPolicy
-        from swimmer_mj.learning.trainer import load_policy
+        from swimmer_mj.learning.networks.policy import SwimmingPolicy
+        from swimmer_mj.learning.runs.trainer import load_policy
 
         directory = first_policy_directory(run, console)
         greedy, config, _ = load_policy(directory, which)

@@ -3,7 +3,7 @@
 The motion has three statements: the linear system of A.3 (:mod:`swimmer_mj.analytic`), MuJoCo with the friction as
 a passive force (:mod:`swimmer_mj.viscous`), MuJoCo with the friction as actuators (:mod:`swimmer_mj.mjcf`). No two
 share a line about friction; the last two share MuJoCo's rigid bodies. Beside them stands an arbiter
-(:mod:`swimmer_mj.arbiter`). Each check here measures one error and holds it against a tolerance that says where it
+(:mod:`~.arbiter`). Each check here measures one error and holds it against a tolerance that says where it
 comes from.
 
 Rounding is bounded as in any text on numerical linear algebra: N equations with a matrix of condition number c,

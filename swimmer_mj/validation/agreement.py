@@ -8,8 +8,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from swimmer_mj.arbiter import LagrangianSwimmer
 from swimmer_mj.parameters import SwimmerParameters
+from swimmer_mj.validation.arbiter import LagrangianSwimmer
 from swimmer_mj.validation.cases import (
     ARBITER,
     EPS,

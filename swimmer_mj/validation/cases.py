@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from swimmer_mj import state as st
 from swimmer_mj.analytic import AnalyticSwimmer
-from swimmer_mj.arbiter import LagrangianSwimmer
 from swimmer_mj.dynamics import MujocoSwimmer
 from swimmer_mj.mjcf import Friction
 from swimmer_mj.parameters import SwimmerParameters
+from swimmer_mj.validation.arbiter import LagrangianSwimmer
 
 __all__ = [
     "ARBITER",

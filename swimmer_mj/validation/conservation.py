@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimmer_mj import state as st
-from swimmer_mj.arbiter import LagrangianSwimmer, Motion
 from swimmer_mj.integrators import rk4_step
 from swimmer_mj.parameters import PAPER, SwimmerParameters
+from swimmer_mj.validation.arbiter import LagrangianSwimmer, Motion
 from swimmer_mj.validation.cases import (
     ARBITER,
     EPS,

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from swimmer_mj import state as st
 from swimmer_mj.analytic import AnalyticSwimmer
-from swimmer_mj.arbiter import LagrangianSwimmer
 from swimmer_mj.integrators import rk4_step
 from swimmer_mj.parameters import SwimmerParameters
+from swimmer_mj.validation.arbiter import LagrangianSwimmer
 from swimmer_mj.validation.cases import (
     ARBITER,
     EPS,

@@ -2,7 +2,7 @@ import gc
 
 import pytest
 
-from swimmer_mj.suite import Physics
+from swimmer_mj.environments.suite import Physics
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -5,7 +5,7 @@ from dm_control import suite
 
 import swimmer_mj
 
-OURS = tuple((swimmer_mj.suite.DOMAIN, task) for task in swimmer_mj.SUITE)
+OURS = tuple((swimmer_mj.environments.suite.DOMAIN, task) for task in swimmer_mj.SUITE)
 
 # suite_test takes its list of tasks from these two when it is imported. It gets only ours: the other domains
 # are dm_control's to test. No other test finds the domain registered.

@@ -11,7 +11,7 @@ import swimmer_mj.gymnasium
 @pytest.fixture
 def domain():
     swimmer_mj.register()
-    yield swimmer_mj.suite.DOMAIN
+    yield swimmer_mj.environments.suite.DOMAIN
     swimmer_mj.unregister()
 
 

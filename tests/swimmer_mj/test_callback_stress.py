@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 
 from swimmer_mj import viscous
+from swimmer_mj.environments.suite import load
 from swimmer_mj.mjcf import mjcf
 from swimmer_mj.parameters import PAPER, SwimmerParameters
-from swimmer_mj.suite import load
 from swimmer_mj.viscous import viscous_friction
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"

@@ -7,9 +7,9 @@ from hypothesis import strategies as some
 from hypothesis.extra import numpy as arrays
 
 from swimmer_mj import state as st
-from swimmer_mj.arbiter import LagrangianSwimmer
 from swimmer_mj.parameters import SwimmerParameters
 from swimmer_mj.validation import disagreement, measure_motion, statements, symmetry_errors
+from swimmer_mj.validation.arbiter import LagrangianSwimmer
 
 within = settings(deadline=None, max_examples=25)
 

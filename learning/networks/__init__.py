@@ -1,0 +1,1 @@
+"""Value networks V_w and their greedy policies."""

@@ -1,0 +1,1 @@
+"""Control problems: what is to be learned."""

@@ -1,0 +1,1 @@
+"""The cart-pole swing-up of Doya (2000), as torch functions."""

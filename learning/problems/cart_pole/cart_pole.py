@@ -1,0 +1,87 @@
+"""The cart-pole swing-up of Doya (2000, section 4.2), as torch functions: a problem described in one page.
+
+A pole hangs on a cart on a track; the cart is pushed and the pole must stand upright with the cart near the middle. The
+equations are those of Barto, Sutton and Anderson (1983) without the frictions, with theta = 0 upright and, as drift and
+control matrix want it, sorted by the force u:
+
+    theta'' = ((M + m) g sin theta - m l theta'^2 sin theta cos theta - u cos theta) / (l (4/3 (M + m) - m cos^2 theta))
+    x''     = (u + m l (theta'^2 sin theta - theta'' cos theta)) / (M + m)
+
+with l half the length of the pole.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from swimmer_mj.learning.problems.differentiable import DifferentiableProblem
+
+__all__ = ["cart_pole"]
+
+TRACK = 2.4
+"""Half the length of the track on which the reward is felt, m."""
+
+
+def cart_pole(
+    cart_mass: float = 1.0,
+    pole_mass: float = 0.1,
+    half_length: float = 0.5,
+    gravity: float = 9.8,
+    force_limit: float = 5.0,
+    s_gamma: float = 1.0,
+) -> DifferentiableProblem:
+    """Swing up the pole and hold it. State (x, x', theta, theta') in m, m/s, rad, rad/s; control: force, N.
+
+    The reward rate is cos(theta) - (x / 2.4 m)^2: upright and in the middle it is 1.
+    """
+    given = {
+        "cart_mass": cart_mass,
+        "pole_mass": pole_mass,
+        "half_length": half_length,
+        "force_limit": force_limit,
+    }
+    for name, value in given.items():
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"{name} must be positive and finite, got {value!r}")
+    if not (math.isfinite(gravity) and gravity >= 0):
+        raise ValueError(f"gravity must be finite and not negative, got {gravity!r}")
+    M, m, l, g = cart_mass, pole_mass, half_length, gravity
+    total = M + m
+
+    def denominator(c: Tensor) -> Tensor:
+        return l * (4.0 / 3.0 * total - m * c**2)
+
+    def drift(x: Tensor) -> Tensor:
+        speed, theta, theta_dot = x[..., 1], x[..., 2], x[..., 3]
+        s, c = torch.sin(theta), torch.cos(theta)
+        theta_ddot = (total * g * s - m * l * theta_dot**2 * s * c) / denominator(c)
+        acceleration = m * l * (theta_dot**2 * s - theta_ddot * c) / total
+        return torch.stack([speed, acceleration, theta_dot, theta_ddot], dim=-1)
+
+    def control_matrix(x: Tensor) -> Tensor:
+        c = torch.cos(x[..., 2])
+        theta_ddot = -c / denominator(c)
+        acceleration = (1.0 - m * l * theta_ddot * c) / total
+        zero = torch.zeros_like(c)
+        return torch.stack([zero, acceleration, zero, theta_ddot], dim=-1)[..., None]
+
+    def reward_rate(x: Tensor) -> Tensor:
+        return torch.cos(x[..., 2]) - (x[..., 0] / TRACK) ** 2
+
+    def draw(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+        return rng.uniform([-1.0, -1.0, -math.pi, -2.0], [1.0, 1.0, math.pi, 2.0], (count, 4))
+
+    def encode(x: Tensor) -> Tensor:
+        position, speed, theta, theta_dot = x.unbind(-1)
+        return torch.stack(
+            [position, 0.5 * speed, torch.cos(theta), torch.sin(theta), 0.2 * theta_dot], dim=-1
+        )
+
+    return DifferentiableProblem(
+        "cart-pole", drift, control_matrix, reward_rate, (force_limit,), draw, s_gamma, encode
+    )

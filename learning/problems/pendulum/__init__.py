@@ -1,0 +1,1 @@
+"""The pendulum swing-up of Doya (2000), in all its forms."""

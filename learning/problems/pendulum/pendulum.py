@@ -1,0 +1,124 @@
+"""The pendulum swing-up of Doya (2000, section 4.1): the smallest task on which the learner must succeed.
+
+theta = 0 is upright. m l^2 theta'' = -mu theta' + m g l sin(theta) + u with m = l = 1, g = 9.8, mu = 0.01 and |u| <= 5,
+which is half of what lifting it straight up takes; r = cos(theta). doi:10.1162/089976600300015961
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numba import njit
+from numpy.typing import NDArray
+
+from swimmer_mj.learning.problems.problem import CompiledProblem, step_by_euler
+
+__all__ = ["Pendulum"]
+
+Array = NDArray[np.float64]
+
+RATE_SCALE = 0.2
+"""theta' is scaled by this as a network input, so that it is of order one (chosen)."""
+
+
+class _Constants(NamedTuple):
+    inertia: float
+    weight_moment: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class Pendulum:
+    """A rod that a weak motor must swing up and hold. State x = (theta, theta'), control u (1,), N·m."""
+
+    mass: float = 1.0
+    length: float = 1.0
+    gravity: float = 9.8
+    damping: float = 0.01
+    torque_limit: float = 5.0
+    s_gamma: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "length", "torque_limit", "s_gamma"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be positive and finite, got {value!r}")
+        for name in ("gravity", "damping"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} must be finite and not negative, got {value!r}")
+
+    name = "pendulum"
+    state_size = 2
+    n_inputs = 3
+
+    @property
+    def control_limits(self) -> Array:
+        """U, shape (1,), N·m."""
+        return np.array([self.torque_limit])
+
+    @property
+    def _constants(self) -> _Constants:
+        m, l, g = self.mass, self.length, self.gravity
+        return _Constants(m * l**2, m * g * l, self.damping)
+
+    def drift_and_control_matrix(self, x: Array) -> tuple[Array, Array]:
+        """a(x), shape (..., 2), and B(x), shape (..., 2, 1)."""
+        constants = self._constants
+        theta, theta_dot = x[..., 0], x[..., 1]
+        moment = constants.weight_moment * np.sin(theta) - constants.damping * theta_dot
+        a = np.stack([theta_dot, moment / constants.inertia], axis=-1)
+        B = np.broadcast_to(np.array([[0.0], [1.0 / constants.inertia]]), (*x.shape, 1))
+        return a, B
+
+    def reward(self, x: Array) -> Array:
+        """cos(theta), the height of the tip."""
+        return np.cos(x[..., 0])
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """x(t + dt) by Euler's method, u held."""
+        return step_by_euler(self, x, u, dt)
+
+    def initial_states(self, rng: np.random.Generator, count: int) -> Array:
+        """Angles all around, angular velocities in [-5, 5] rad/s; shape (count, 2)."""
+        return rng.uniform([-np.pi, -5.0], [np.pi, 5.0], (count, 2))
+
+    def inputs(self, x: torch.Tensor) -> torch.Tensor:
+        """cos(theta), sin(theta), theta' scaled; shape (..., 3)."""
+        theta, theta_dot = x[..., 0], x[..., 1]
+        return torch.stack([torch.cos(theta), torch.sin(theta), RATE_SCALE * theta_dot], dim=-1)
+
+    def compile(self) -> CompiledProblem:
+        """The pendulum for the fused kernel."""
+        return CompiledProblem(self._constants, *_compiled_functions())
+
+
+@lru_cache(maxsize=1)
+def _compiled_functions() -> tuple[Any, Any, Any, Any]:
+    @njit(error_model="numpy")
+    def dynamics(constants: _Constants, x: Array, a: Array, B: Array) -> None:
+        a[0] = x[1]
+        a[1] = (constants.weight_moment * math.sin(x[0]) - constants.damping * x[1]) / constants.inertia
+        B[1, 0] = 1.0 / constants.inertia
+
+    @njit(error_model="numpy")
+    def reward(constants: _Constants, x: Array) -> float:
+        return math.cos(x[0])
+
+    @njit(error_model="numpy")
+    def inputs(x: Array, z: NDArray[Any]) -> None:
+        z[0] = math.cos(x[0])
+        z[1] = math.sin(x[0])
+        z[2] = RATE_SCALE * x[1]
+
+    @njit(error_model="numpy")
+    def input_pullback(z: NDArray[Any], dVdz: NDArray[Any], dVdx: Array) -> None:
+        dVdx[0] = z[0] * dVdz[1] - z[1] * dVdz[0]
+        dVdx[1] = RATE_SCALE * dVdz[2]
+
+    return dynamics, reward, inputs, input_pullback

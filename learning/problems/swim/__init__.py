@@ -1,0 +1,1 @@
+"""Swimming, section 4, in all its forms."""

@@ -1,0 +1,83 @@
+"""The swimmer for a pack of learners: one state in each lane of a SIMD vector.
+
+The equations are those of :mod:`swimmer_mj.learning.problems.swim.batched`, the encoding is that of
+:class:`swimmer_mj.learning.problems.swim.swimming.Swimming`.
+"""
+
+# pyright: reportCallIssue=false
+# numba gives its intrinsics their first argument, the typing context, itself.
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from swimmer_mj.compiled.simd import OPTIONS, convert, cos_sin
+from swimmer_mj.compiled.vectors import LANES, load, store
+from swimmer_mj.learning.problems.problem import ControlProblem
+from swimmer_mj.learning.problems.swim.batched import derivative_of_lanes, workspace
+from swimmer_mj.learning.problems.swim.reduced import reduced_constants
+from swimmer_mj.learning.problems.swim.swimming import RATE_SCALE, Swimming
+
+__all__ = ["CompiledLanes", "compiled_lanes"]
+
+Array = NDArray[np.float64]
+Real = NDArray[Any]
+
+
+class CompiledLanes(NamedTuple):
+    """A problem as numba functions of LANES states: number i of each stands at [i LANES, (i + 1) LANES)."""
+
+    constants: Any
+    greedy: Callable[..., None]
+    """(constants, limits, x, dVdx, u, f, r): fill the greedy control u, f = a + B u and the reward r."""
+    encode: Callable[..., None]
+    """(constants, x, z, start): fill the inputs, ``z.flat[start:]``, in the learner's dtype."""
+    pull_back: Callable[..., None]
+    """(constants, z, start, dVdz, dVdx): fill dVdx with (dz/dx)^T dVdz."""
+
+
+def compiled_lanes(problem: ControlProblem) -> CompiledLanes | None:
+    """The problem for a pack; None if it has to be asked for one state at a time."""
+    if type(problem) is not Swimming or problem.encoding != "circle" or problem.integrator != "euler":
+        return None
+    constants = (workspace(problem.parameters.n_links), reduced_constants(problem.parameters))
+    return CompiledLanes(constants, _greedy, _encode, _pull_back)
+
+
+@njit(**OPTIONS)
+def _greedy(constants: Any, limits: Array, x: Array, dVdx: Array, u: Array, f: Array, r: Array) -> None:
+    ws, parameters = constants
+    derivative_of_lanes(ws, parameters, limits, x, dVdx, u, f)
+    n = parameters.K.shape[0]
+    store(r, 0, load(x, 2 * n * LANES))
+
+
+@njit(**OPTIONS)
+def _encode(constants: Any, x: Array, z: Real, start: int) -> None:
+    n = constants[1].K.shape[0]
+    real = z[0, 0, 0]
+    for i in range(n):
+        cosine, sine = cos_sin(load(x, i * LANES))
+        store(z, start + i * LANES, convert(cosine, real))
+        store(z, start + (n + i) * LANES, convert(sine, real))
+        store(z, start + (2 * n + i) * LANES, convert(RATE_SCALE * load(x, (n + i) * LANES), real))
+    store(z, start + 3 * n * LANES, convert(load(x, 2 * n * LANES), real))
+    store(z, start + (3 * n + 1) * LANES, convert(load(x, (2 * n + 1) * LANES), real))
+
+
+@njit(**OPTIONS)
+def _pull_back(constants: Any, z: Real, start: int, dVdz: Real, dVdx: Array) -> None:
+    n = constants[1].K.shape[0]
+    double = dVdx[0]
+    for i in range(n):
+        cosine, sine = load(z, start + i * LANES), load(z, start + (n + i) * LANES)
+        turn = cosine * load(dVdz, (n + i) * LANES) - sine * load(dVdz, i * LANES)
+        store(dVdx, i * LANES, convert(turn, double))
+        store(dVdx, (n + i) * LANES, RATE_SCALE * convert(load(dVdz, (2 * n + i) * LANES), double))
+    store(dVdx, 2 * n * LANES, convert(load(dVdz, 3 * n * LANES), double))
+    store(dVdx, (2 * n + 1) * LANES, convert(load(dVdz, (3 * n + 1) * LANES), double))

@@ -1,0 +1,1 @@
+"""Continuous TD(lambda), sections 2 and 3."""

@@ -1,0 +1,215 @@
+"""Learning the value gradient: what greedy control asks for, taught directly.
+
+The greedy control depends on dV/dx, not on V. Along a trajectory x(0), x(dt) .. x(T dt) with its controls held, the
+model gives targets for both, backwards in time. With F = d x(t + dt) / d x(t) at held u, and l = exp(-s_lambda dt)::
+
+    G(t) = r dt     + e^{-s_gamma dt}     [(1 - l) V(x(t + dt))     + l G(t + dt)]
+    g(t) = dr/dx dt + e^{-s_gamma dt} F^T [(1 - l) dV/dx(x(t + dt)) + l g(t + dt)]
+
+The first is the target of TD(lambda) in its forward view; the second is its gradient, the costate of Pontryagin's
+principle, bootstrapped: value-gradient learning, VGL(lambda) (Fairbank and Alonso 2012,
+doi:10.1109/IJCNN.2012.6252791); l = 0 is Werbos's dual heuristic programming. That u is held costs nothing when it is
+greedy: inside its bounds dH/du = 0, and at a bound du/dx = 0 (for the controls that are affine here: Doya 2000,
+doi:10.1162/089976600300015961).
+
+A round moves a batch of trajectories on by some steps, computes their targets, and takes one pass of Adam over
+minibatches of the loss (V - G)^2 + w sum_i S_i^2 (dV/dx_i - g_i)^2. S_i = 1 / |dz/dx_i| makes the errors of dV/dx those
+of the slope in network inputs z: it is 5 for an angular velocity that enters as 0.2 theta'.
+
+Here are the equations and the algorithm's constants; :mod:`swimmer_mj.learning.value_gradient.learner` has the learner,
+:mod:`swimmer_mj.learning.value_gradient.engines` what it needs done fast.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+__all__ = [
+    "RoundStatistics",
+    "Targets",
+    "ValueGradientSettings",
+    "costate",
+    "lookahead",
+    "targets",
+    "value_and_gradient_loss",
+    "value_target",
+    "weight_of_round",
+]
+
+
+# Equations -------------------------------------------------------------------------------------------------------
+
+
+def lookahead(estimate: Tensor, target: Tensor, s_lambda: float, dt: float) -> Tensor:
+    """(1 - l) estimate + l target, l = exp(-s_lambda dt): what is known of time t + dt."""
+    l = math.exp(-s_lambda * dt)
+    return (1 - l) * estimate + l * target
+
+
+def value_target(r: Tensor, later: Tensor, s_gamma: float, dt: float) -> Tensor:
+    """G(t) = r dt + exp(-s_gamma dt) later, from what :func:`lookahead` says of V; shape (N,)."""
+    return r * dt + math.exp(-s_gamma * dt) * later
+
+
+def costate(drdx: Tensor, pulled_back: Tensor, s_gamma: float, dt: float) -> Tensor:
+    """g(t) = dr/dx dt + exp(-s_gamma dt) F^T later, from F^T of what :func:`lookahead` says of dV/dx; shape (N, p)."""
+    return drdx * dt + math.exp(-s_gamma * dt) * pulled_back
+
+
+class Targets(NamedTuple):
+    """Of every state of a batch of trajectories but the last."""
+
+    value: Tensor
+    """G, shape (T, N)."""
+    gradient: Tensor
+    """g, shape (T, N, p)."""
+
+
+def targets(
+    r: Tensor,
+    drdx: Tensor,
+    V: Tensor,
+    dVdx: Tensor,
+    pullback: Callable[[int, Tensor], Tensor],
+    s_gamma: float,
+    s_lambda: float,
+    dt: float,
+) -> Targets:
+    """G and g along N trajectories of T steps, backwards from V and dV/dx at their ends.
+
+    Parameters
+    ----------
+    r, drdx : Tensor, shapes (T, N) and (T, N, p)
+        Reward rate and its gradient at the states 0 .. T - 1.
+    V, dVdx : Tensor, shapes (T + 1, N) and (T + 1, N, p)
+        Estimates at the states 0 .. T.
+    pullback : callable
+        ``pullback(t, costate)``: F(t)^T costate, shape (N, p).
+    """
+    G, g = V[-1], dVdx[-1]
+    values, gradients = [], []
+    for t in range(len(r) - 1, -1, -1):
+        G = value_target(r[t], lookahead(V[t + 1], G, s_lambda, dt), s_gamma, dt)
+        g = costate(drdx[t], pullback(t, lookahead(dVdx[t + 1], g, s_lambda, dt)), s_gamma, dt)
+        values.append(G)
+        gradients.append(g)
+    return Targets(torch.stack(values[::-1]), torch.stack(gradients[::-1]))
+
+
+def value_and_gradient_loss(
+    V: Tensor, G: Tensor, dVdx: Tensor, g: Tensor, value_weight: float, slope_weights: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Mean of value_weight (V - G)^2 + sum_i slope_weights_i (dV/dx_i - g_i)^2; then of (V - G)^2, then of the sum."""
+    value_error = (V - G).square().mean()
+    slope_error = (slope_weights * (dVdx - g).square()).sum(-1).mean()
+    return value_weight * value_error + slope_error, value_error, slope_error
+
+
+def weight_of_round(k: int, share: float) -> float:
+    """What round k, from 0 on, weighs in the average of the rounds so far: a / (k + a), a = 1 / share.
+
+    Rounds then count in proportion to k^(a - 1): all alike with a share of 1, and with a small one as in a mean over
+    the last ``share`` of them. Polynomial-decay averaging, Shamir and Zhang 2013 (arXiv:1212.1824).
+    """
+    return 1 / (k * share + 1)
+
+
+# Settings --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ValueGradientSettings:
+    """What defines a learner, besides its problem and its network. What changing a default does: docs/beyond.md."""
+
+    trajectories: int = 512
+    """N, in parallel."""
+    steps: int = 25
+    """T, steps of each of them in a round."""
+    dt: float = 0.01
+    """Euler step, s."""
+    trial_duration: float = 10.0
+    """A trajectory starts anew after this long, s, rounded to whole rounds."""
+    s_lambda: float = 1.0
+    """Decay of what is looked ahead, 1/s: 0 trusts the trajectory to its end, infinity the next state's estimate."""
+    value_weight: float = 1.0
+    """Of (V - G)^2 in the loss."""
+    slope_weight: float = 1.0
+    """w, of the gradient's error in the loss."""
+    flips: float = 0.0
+    """Probability that a control has its sign flipped for a step: exploration. None was better than some."""
+    minibatch: int = 512
+    """States in one step of Adam."""
+    passes: int = 1
+    """Over the states of a round; what is left after whole minibatches is left out."""
+    learning_rate: float = 2e-3
+    """Of Adam, in the first round."""
+    half_life: float = 500.0
+    """Rounds after which the learning rate is halved."""
+    final_rate: float = 1e-5
+    """Learning rate below which it does not fall."""
+    clip: float = 1.0
+    """Largest norm of a gradient step."""
+    averaged_share: float = 0.1
+    """The averaged weights, which are the result, are those of about this last share of all rounds."""
+
+    def __post_init__(self) -> None:
+        for name in ("trajectories", "steps", "minibatch", "passes"):
+            value = getattr(self, name)
+            if not (isinstance(value, int) and value >= 1):
+                raise ValueError(f"{name} must be an integer of at least 1, got {value!r}")
+        for name in ("dt", "trial_duration", "learning_rate", "half_life", "final_rate", "clip"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be positive and finite, got {value!r}")
+        for name in ("value_weight", "slope_weight"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} must be finite and not negative, got {value!r}")
+        if not self.s_lambda >= 0:
+            raise ValueError(f"s_lambda must not be negative, got {self.s_lambda!r}")
+        if not 0 <= self.flips <= 0.5:
+            raise ValueError(f"flips must be in [0, 0.5], got {self.flips!r}")
+        if not 0 < self.averaged_share <= 1:
+            raise ValueError(f"averaged_share must be in (0, 1], got {self.averaged_share!r}")
+        if self.value_weight == self.slope_weight == 0:
+            raise ValueError("value_weight and slope_weight must not both be 0")
+        if self.steps * self.dt > self.trial_duration * (1 + 1e-9):
+            raise ValueError(
+                f"trial_duration must be at least steps x dt = {self.steps * self.dt:g} s, got {self.trial_duration}"
+            )
+        if self.minibatch > self.trajectories * self.steps:
+            raise ValueError(
+                "minibatch must be at most trajectories x steps = "
+                f"{self.trajectories * self.steps}, got {self.minibatch}"
+            )
+
+    @property
+    def steps_per_round(self) -> int:
+        """Simulation steps in a round."""
+        return self.trajectories * self.steps
+
+    def rate(self, round_number: int) -> float:
+        """Adam's learning rate in a round, from 0 on."""
+        return max(
+            min(self.final_rate, self.learning_rate),
+            self.learning_rate * 2 ** (-round_number / self.half_life),
+        )
+
+
+class RoundStatistics(NamedTuple):
+    """Means over a round."""
+
+    reward: float
+    """Reward rate along the trajectories."""
+    value: float
+    """V along them."""
+    value_error: float
+    """(V - G)^2."""
+    slope_error: float
+    """w sum_i S_i^2 (dV/dx_i - g_i)^2."""

@@ -1,0 +1,181 @@
+import numpy as np
+import pytest
+import torch
+
+from swimmer_mj import state as st
+from swimmer_mj.environments import suite
+from swimmer_mj.cli.output import make_console, print_evaluation
+from swimmer_mj.cli.runs import evaluate_run
+from swimmer_mj.integrators import rk4_step
+from swimmer_mj.learning.runs.evaluation import (
+    evaluate_swimming,
+    evaluation_states,
+    known_interval,
+    mean_and_interval,
+    mean_and_interval_text,
+    monte_carlo_value,
+    record_episode,
+)
+from swimmer_mj.learning.td.fused import FusedTD
+from swimmer_mj.learning.networks.networks import Cascade
+from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
+from swimmer_mj.learning.networks.policy import GreedyPolicy, SwimmingPolicy, observed_state
+from swimmer_mj.learning.problems.swim.swimming import Swimming
+from swimmer_mj.learning.runs.trainer import TrainConfig, TrainingRun, evaluation_sample
+from swimmer_mj.parameters import SwimmerParameters
+
+THREE = SwimmerParameters(n_links=3)
+
+
+@pytest.fixture(scope="module")
+def policy():
+    """Of an untrained network whose value nevertheless depends on the state."""
+    problem = Swimming(THREE)
+    network = Cascade(problem.n_inputs, 8, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    with torch.no_grad():
+        network.weight[-1] = torch.randn(network.weight.shape[1], generator=torch.Generator().manual_seed(1))
+    return GreedyPolicy(problem, network)
+
+
+def test_evaluation_starts_from_the_64_states_of_seed_0():
+    states = evaluation_states(5)
+    assert states.shape == (64, 12)
+    assert (states == Swimming().initial_states(np.random.default_rng(0), 64)).all()
+
+
+def test_speed_is_displacement_over_time_in_the_second_half(policy):
+    agent = SwimmingPolicy(policy)
+    result = evaluate_swimming(agent, THREE, n_episodes=2)
+    start = evaluation_states(3)[1]
+    environment = suite.load("swim3", task_kwargs={"time_limit": 20.0, "initial_states": lambda _: start})
+    step = environment.reset()
+    while environment.physics.time() < 10 - 1e-9:
+        step = environment.step(agent(step.observation))
+    halfway = environment.physics.center_of_mass()[0]
+    while not step.last():
+        step = environment.step(agent(step.observation))
+    assert environment.physics.time() == pytest.approx(20.0)
+    displacement = environment.physics.center_of_mass()[0] - halfway
+    environment.physics.free()
+    assert result.speeds[1] == pytest.approx(displacement / 10, rel=1e-9)
+    assert result.mean == pytest.approx(result.speeds.mean())
+
+
+def test_processes_share_the_episodes_without_changing_them(policy):
+    agent = SwimmingPolicy(policy)
+    alone = evaluate_swimming(agent, THREE, n_episodes=4)
+    shared = evaluate_swimming(agent, THREE, n_episodes=4, workers=2)
+    assert shared.speeds == pytest.approx(alone.speeds, rel=1e-12)
+
+
+def test_recorded_episode_is_the_evaluated_one(policy):
+    agent = SwimmingPolicy(policy)
+    trajectory = record_episode(policy, THREE, evaluation_states(3)[0])
+    assert trajectory.duration == pytest.approx(20.0)
+    assert trajectory.speed(after=10.0) == pytest.approx(
+        evaluate_swimming(agent, THREE, n_episodes=1).mean, rel=1e-9
+    )
+    z = st.reduce(THREE, trajectory.states[7])
+    judged = policy.judge(z)
+    assert trajectory.values[7] == pytest.approx(judged.value, rel=1e-9)
+    assert trajectory.hamiltonians[7] == pytest.approx(judged.hamiltonian, rel=1e-7)
+    assert (trajectory.controls[7] == judged.control).all()
+
+
+def test_a_policy_for_x_swims_in_any_direction(policy):
+    """Turning the initial state and the target together turns the whole episode."""
+    angle = 2.1
+    start = evaluation_states(3)[0]
+    z = st.split_reduced(start, 3)
+    turned = st.join_reduced(z.angles + angle, z.angular_velocities, st.rotate(z.velocity, angle))
+    straight = record_episode(policy, THREE, start, 1.0)
+    rotated = record_episode(policy, THREE, turned, 1.0, lambda time: angle)
+    assert rotated.speed() == pytest.approx(straight.speed(), abs=1e-8)
+    assert rotated.centers_of_mass() == pytest.approx(st.rotate(straight.centers_of_mass(), angle), abs=1e-8)
+
+
+def test_observed_state_is_the_reduced_state_in_the_targets_frame():
+    environment = suite.load("steer3", task_kwargs={"random": 3})
+    observation = environment.reset().observation
+    z = st.split_reduced(environment.physics.reduced_state(), 3)
+    direction = environment.physics.target_direction()
+    environment.physics.free()
+    seen = st.split_reduced(observed_state(observation), 3)
+    assert np.cos(seen.angles) == pytest.approx(np.cos(z.angles - direction))
+    assert seen.velocity == pytest.approx(st.rotate(z.velocity, -direction))
+
+
+def test_monte_carlo_value_of_a_linear_system_is_its_closed_form():
+    """dx/dt = -x, r = x: V = x / (s_gamma + 1)."""
+
+    class Linear:
+        s_gamma = 0.8
+
+        def drift_and_control_matrix(self, x):
+            return -x, np.zeros((*x.shape, 1))
+
+        def reward(self, x):
+            return x[..., 0]
+
+    states = np.array([[1.0], [-2.0], [0.3]])
+    estimate = monte_carlo_value(Linear(), lambda x: np.zeros((len(x), 1)), states, tolerance=1e-6)
+    assert estimate == pytest.approx(states[:, 0] / 1.8, rel=1e-4)
+
+
+def test_monte_carlo_value_agrees_with_the_compiled_rollout():
+    problem = Pendulum(s_gamma=2.0)
+    network = Cascade(3, 6, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
+    with torch.no_grad():
+        network.weight[-1] = torch.randn(network.weight.shape[1], generator=torch.Generator().manual_seed(3))
+    states = problem.initial_states(np.random.default_rng(0), 4)
+    estimate = monte_carlo_value(problem, GreedyPolicy(problem, network), states, tolerance=np.exp(-6.0))
+    compiled = FusedTD(problem, network).rollout(states, 3.0).discounted_return
+    assert estimate == pytest.approx(compiled, abs=2e-4)
+
+
+def test_returns_of_a_run_with_logistic_neurons_are_those_of_its_policy(tmp_path, capsys):
+    """Equation 1 as a sum over greedy RK4 steps of 0.01 s, written out here; s_gamma 25 1/s makes it 40 of them."""
+    config = TrainConfig(parameters=THREE, s_gamma=25.0, neurons=8, sigmoid="logistic", dtype="float64")
+    run = TrainingRun(tmp_path / "run", config)
+    with torch.no_grad():
+        run.network.weight.normal_(generator=torch.Generator().manual_seed(1)).mul_(run.network.connected)
+    run.save(run.evaluate(0.0))
+    result = evaluate_run(run.directory, "last", 1)
+
+    problem, policy = run.problem, GreedyPolicy(run.problem, run.network)
+    x = evaluation_sample(problem)
+    total = np.zeros(len(x))
+    for k in range(40):
+        u = policy(x)
+
+        def f(y, u=u):
+            a, B = problem.drift_and_control_matrix(y)
+            return a + np.einsum("npq,nq->np", B, u)
+
+        total += np.exp(-0.25 * k) * 0.01 * problem.reward(x)
+        x = rk4_step(f, x, 0.01)
+    assert result["mean_return"] == pytest.approx(total.mean(), rel=1e-9)
+    bias = policy.judge(evaluation_sample(problem)).value.mean() - total.mean()
+    assert result["value_bias"] == pytest.approx(bias, rel=1e-9)
+    assert result["speed_ci95"] is None  # of a single episode
+    print_evaluation(make_console(quiet=False), result)
+    assert "m/s (1 episode)\n" in capsys.readouterr().out
+
+
+def test_mean_and_interval():
+    values = np.random.default_rng(0).normal(1.0, 0.5, 64)
+    mean, (low, high) = mean_and_interval(values)
+    assert mean == values.mean()
+    standard_error = values.std(ddof=1) / 8
+    assert (mean - low, high - mean) == pytest.approx((1.96 * standard_error,) * 2, rel=0.15)
+    assert mean_and_interval(np.ones(5)) == (1.0, (1.0, 1.0))
+
+
+def test_a_single_value_has_no_interval():
+    mean, interval = mean_and_interval(np.array([0.5]))
+    assert mean == 0.5
+    assert np.isnan(interval).all()
+    assert known_interval(interval) is None
+    assert known_interval((0.1, 0.2)) == (0.1, 0.2)
+    assert mean_and_interval_text(np.array([0.5])) == "0.50"
+    assert mean_and_interval_text(np.full(3, 0.5), ".3f") == "0.500 [0.500, 0.500]"

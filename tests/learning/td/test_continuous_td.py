@@ -1,0 +1,218 @@
+"""The reference learner against closed forms."""
+
+import itertools
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from swimmer_mj.learning.networks.networks import Cascade, Multilayer, ValueNetwork
+from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
+from swimmer_mj.learning.td.continuous_td import (
+    ContinuousTD,
+    TDSettings,
+    greedy_control,
+    hamiltonian,
+    trace_derivative,
+    value_and_gradients,
+    weight_derivative,
+)
+from swimmer_mj.learning.td.vario_eta import VarioEta
+
+
+class Decay:
+    """dx/dt = -a x, r = x^2, nothing to control: V = x^2 / (s_gamma + 2 a)."""
+
+    name, state_size, n_inputs = "decay", 1, 1
+    control_limits = np.array([1.0])
+
+    def __init__(self, a=0.5, s_gamma=1.0):
+        self.a, self.s_gamma = a, s_gamma
+
+    def drift_and_control_matrix(self, x):
+        return -self.a * x, np.zeros((*x.shape, 1))
+
+    def reward(self, x):
+        return x[..., 0] ** 2
+
+    def step(self, x, u, dt):
+        return x + dt * self.drift_and_control_matrix(x)[0]
+
+    def initial_states(self, rng, count):
+        return rng.uniform(-2, 2, (count, 1))
+
+    def inputs(self, x):
+        return x
+
+    def compile(self):
+        return None
+
+
+class Quadratic(ValueNetwork):
+    """V = w x^2."""
+
+    n_inputs = 1
+
+    def __init__(self):
+        super().__init__()
+        self.w = nn.Parameter(torch.zeros((), dtype=torch.float64))
+
+    def forward(self, z):
+        return self.w * z[..., 0] ** 2
+
+    def learning_rates(self, eta, output_scaling=True):
+        return [torch.tensor(eta, dtype=torch.float64)]
+
+
+def cascade(seed=0, n_neurons=10, n_inputs=3):
+    generator = torch.Generator().manual_seed(seed)
+    network = Cascade(n_inputs, n_neurons, generator=generator, dtype=torch.float64)
+    with torch.no_grad():
+        network.weight[-1] = torch.randn(network.weight.shape[1], generator=generator, dtype=torch.float64)
+    return network
+
+
+def test_hamiltonian_of_the_true_value_is_zero():
+    problem = Decay(a=0.7, s_gamma=0.3)
+    w = 1 / (problem.s_gamma + 2 * problem.a)
+    for x in np.linspace(-2, 2, 9):
+        f = problem.drift_and_control_matrix(np.array([x]))[0]
+        H = hamiltonian(x**2, w * x**2, np.array([2 * w * x]), f, problem.s_gamma)
+        assert H == pytest.approx(0.0, abs=1e-15)
+
+
+def test_greedy_control_maximises_the_hamiltonian():
+    rng = np.random.default_rng(0)
+    limits = np.array([1.0, 0.5, 2.0])
+    for _ in range(50):
+        B, dVdx, a = rng.normal(size=(6, 3)), rng.normal(size=6), rng.normal(size=6)
+        u = greedy_control(B, dVdx, limits)
+        best = max(dVdx @ (a + B @ (limits * s)) for s in itertools.product([-1, 0, 1], repeat=3))
+        assert dVdx @ (a + B @ u) == pytest.approx(best, rel=1e-12)
+        assert set(np.abs(u / limits)) == {1.0}
+
+
+def test_greedy_control_of_a_batch_and_of_no_preference():
+    B = np.random.default_rng(0).normal(size=(7, 4, 2))
+    dVdx = np.random.default_rng(1).normal(size=(7, 4))
+    u = greedy_control(B, dVdx, np.array([1.0, 3.0]))
+    assert all((u[k] == greedy_control(B[k], dVdx[k], np.array([1.0, 3.0]))).all() for k in range(7))
+    assert (greedy_control(B, 0 * dVdx, np.array([1.0, 3.0])) == 0).all()
+
+
+def test_trace_of_a_constant_gradient():
+    """e_k = g (1 - (1 - s dt)^k) / s, with s = s_gamma + s_lambda; its limit is g / s."""
+    s_gamma, s_lambda, dt = 0.6, 1.4, 0.01
+    g = np.array([1.0, -2.0, 0.5])
+    e = np.zeros(3)
+    for k in range(1, 1001):
+        e = e + dt * trace_derivative(e, g, s_gamma, s_lambda)
+        assert e == pytest.approx(g * (1 - (1 - 2.0 * dt) ** k) / 2.0, rel=1e-12)
+    assert e == pytest.approx(g / 2.0, rel=1e-8)
+
+
+def test_weight_derivative_is_eta_H_e():
+    assert weight_derivative(np.array([0.1, 0.2]), -3.0, np.array([1.0, 2.0])) == pytest.approx([-0.3, -1.2])
+
+
+@pytest.mark.parametrize("network", [cascade(), Multilayer(3, (8, 8), dtype=torch.float64)])
+def test_gradients_by_finite_differences(network):
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter += 0.1
+    problem = Pendulum()
+    x, h = np.array([0.7, -1.3]), 1e-6
+
+    def value(y):
+        return network(problem.inputs(torch.tensor(y))).item()
+
+    V, dVdx, dVdw = value_and_gradients(network, problem, x)
+    assert value(x) == V
+    for i in range(2):
+        step = h * np.eye(2)[i]
+        assert dVdx[i] == pytest.approx((value(x + step) - value(x - step)) / (2 * h), rel=1e-7, abs=1e-9)
+    for w, gradient in zip(network.parameters(), dVdw, strict=True):
+        flat, expected = w.data.view(-1), gradient.reshape(-1)
+        for i in range(0, len(flat), 7):
+            flat[i] += h
+            above = value(x)
+            flat[i] -= 2 * h
+            below = value(x)
+            flat[i] += h
+            connected = network.connected.view(-1)[i] if isinstance(network, Cascade) else True
+            if connected:
+                assert expected[i].item() == pytest.approx((above - below) / (2 * h), rel=1e-6, abs=1e-9)
+
+
+def test_the_total_derivative_of_V_is_what_the_trajectory_shows():
+    problem, network = Pendulum(), cascade()
+    x, dt = np.array([0.4, 1.1]), 1e-6
+    V, dVdx, _ = value_and_gradients(network, problem, x)
+    a, B = problem.drift_and_control_matrix(x)
+    u = greedy_control(B, dVdx, problem.control_limits)
+    later = value_and_gradients(network, problem, problem.step(x, u, dt))[0]
+    assert dVdx @ (a + B @ u) == pytest.approx((later - V) / dt, rel=1e-4)
+
+
+@pytest.mark.parametrize("s_lambda", [0.0, 1.0, 20.0])
+def test_learns_the_value_of_a_linear_system(s_lambda):
+    """Eligibility only changes the way to V = x^2 / (s_gamma + 2 a), not the end of it."""
+    problem, network = Decay(a=0.5, s_gamma=1.0), Quadratic()
+    settings = TDSettings(eta=0.3 * (1 + s_lambda), s_lambda=s_lambda, trial_duration=2.0)
+    learner = ContinuousTD(problem, network, settings)
+    for x in problem.initial_states(np.random.default_rng(0), 60):
+        learner.run_trial(x)
+    assert network.w.item() == pytest.approx(0.5, rel=1e-3)
+
+
+def test_one_step_is_an_euler_step_of_equation_2():
+    problem, network = Pendulum(), cascade()
+    settings = TDSettings(eta=0.2, s_lambda=3.0, output_scaling=False)
+    learner = ContinuousTD(problem, network, settings)
+    learner.traces[0].copy_(torch.randn(network.weight.shape, dtype=torch.float64))
+    x = np.array([0.5, -2.0])
+    w, e = network.weight.detach().clone(), learner.traces[0].clone()
+    V, dVdx, (dVdw,) = value_and_gradients(network, problem, x)
+    a, B = problem.drift_and_control_matrix(x)
+    u = 5.0 * np.sign(dVdx[1:])
+    H = np.cos(x[0]) - V + dVdx @ (a + B @ u)
+
+    moment = learner.learn_at(x)
+    assert moment.value == V
+    assert moment.hamiltonian == pytest.approx(H, rel=1e-14)
+    assert (moment.control == u).all()
+    expected_w = w + 0.01 * 0.2 * H * e * network.connected
+    assert torch.allclose(network.weight, expected_w, rtol=1e-13, atol=1e-15)
+    assert torch.allclose(learner.traces[0], e + 0.01 * (-4.0 * e + dVdw), rtol=1e-13, atol=1e-15)
+
+
+def test_vario_eta_follows_its_recursion_from_trial_to_trial():
+    problem, network, vario = Pendulum(), cascade(), VarioEta(beta=0.1, epsilon=0.5, initial_variance=4.0)
+    learner = ContinuousTD(problem, network, TDSettings(eta=0.1, trial_duration=0.1, vario=vario))
+    connected = network.connected
+    scale = torch.ones_like(network.weight)
+    scale[-1] /= 10**0.5
+    v = torch.full_like(network.weight, 4.0)
+    rate = scale * 0.1 / (2.0 + 0.5)
+    for x in problem.initial_states(np.random.default_rng(0), 5):
+        before = network.weight.detach().clone()
+        assert torch.allclose(learner.rates[0][connected], rate[connected], rtol=1e-12)
+        learner.run_trial(x)
+        v = 0.9 * v + 0.1 * ((network.weight.detach() - before) / rate) ** 2
+        rate = scale * 0.1 / (v.sqrt() + 0.5)
+        assert torch.allclose(learner.variances[0][connected], v[connected], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"eta": 0.0}, "eta must be positive and finite, got 0.0"),
+        ({"dt": float("nan")}, "dt must be positive and finite, got nan"),
+        ({"s_lambda": -1.0}, "s_lambda must be finite and not negative, got -1.0"),
+        ({"dt": 0.1, "trial_duration": 0.05}, "trial_duration must be at least dt = 0.1, got 0.05"),
+    ],
+)
+def test_settings_refuse(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        TDSettings(**arguments)
