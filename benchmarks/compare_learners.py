@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from swimmer_mj.learning.runs.evaluation import mean_and_interval
+from swimmer_mj.intervals import mean_and_interval
 from swimmer_mj.render.figures import COLORS, plain_axes, save_figure
 
 ROOT = Path(__file__).parents[1]

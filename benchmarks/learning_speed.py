@@ -47,8 +47,8 @@ from swimmer_mj.learning.experiments.rates import (
     swimming_learner,
     viscous_mj_step,
 )
-from swimmer_mj.learning.problems.swim.lanes import compiled_lanes
-from swimmer_mj.learning.problems.swim.swimming import Swimming
+from swimmer_mj.learning.problems.forms import CompiledForm, LanesForm
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.td.population import PopulationTD
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
@@ -91,7 +91,7 @@ def _fused_parts() -> dict[str, Work]:
     problem = Swimming(PAPER)
     learner = swimming_learner(0, problem)
     learner.train(problem.initial_states(np.random.default_rng(0), 2))
-    constants, dynamics, _, inputs, _ = problem.compile()
+    constants, dynamics, _, inputs, _ = problem.form(CompiledForm)
     ws, kernel = learner._ws, learner._kernel
     forward, backward = kernel.forward, kernel.backward
     m = problem.n_inputs
@@ -233,7 +233,7 @@ def _population_parts() -> dict[str, Work]:
     pack = PopulationTD([swimming_learner(lane, problem) for lane in range(LANES)])
     states = problem.initial_states(np.random.default_rng(0), LANES)
     pack.train(states[None])
-    lanes = compiled_lanes(problem)
+    lanes = problem.form(LanesForm)
     assert lanes is not None
     constants, greedy = lanes.constants, lanes.greedy
     ws, forward, backward = pack._ws, pack._kernel.forward, pack._kernel.backward

@@ -10,7 +10,6 @@ not done again; compilation is not counted. ``compare_learners.py`` makes the ta
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, Protocol
@@ -22,11 +21,12 @@ from numpy.typing import NDArray
 from rich.console import Console
 from yardstick import Clock, Row, append, finished, row, swimming_speed
 
-from swimmer_mj.learning.networks.networks import Cascade
-from swimmer_mj.learning.runs.evaluation import SwimmingSpeed
-from swimmer_mj.learning.runs.trainer import TrainConfig, value_gradient_config
+from swimmer_mj.learning.networks.actors import BatchActor
+from swimmer_mj.learning.problems.swim import Swimming
+from swimmer_mj.learning.problems.swim.environment import SwimmingSpeed
+from swimmer_mj.learning.td import method as td
 from swimmer_mj.learning.td.fused import FusedTD
-from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
+from swimmer_mj.learning.value_gradient import method as value_gradients
 from swimmer_mj.parameters import PAPER
 
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "own-learners.csv"
@@ -59,10 +59,7 @@ class ValueGradients:
     """``swimmer-mj train --method value-gradient``."""
 
     def __init__(self, seed: int) -> None:
-        config = value_gradient_config(seed)
-        problem = config.make_problem()
-        network = config.make_network(problem)
-        self.learner = ValueGradientLearner(problem, network, config.value_gradient, seed=seed)
+        self.learner = value_gradients.ValueGradients().start(Swimming(s_gamma=0.5), seed).learner
 
     def learn(self) -> None:
         """One round."""
@@ -82,14 +79,12 @@ class TemporalDifferences:
     """``swimmer-mj train``: the paper's algorithm with a larger learning rate."""
 
     def __init__(self, seed: int) -> None:
-        config = TrainConfig(seed=seed)
-        self.problem = config.make_problem()
-        network = config.make_network(self.problem)
-        assert isinstance(network, Cascade)
-        self.fused = FusedTD(self.problem, network, config.td)
+        method = td.TemporalDifferences()
+        self.problem = Swimming()
+        self.fused = FusedTD(self.problem, method.network(self.problem, seed), method.settings)
         self.rng = np.random.default_rng(seed)
         self.simulation_steps = 0
-        self.steps = TRIALS * config.td.steps_per_trial
+        self.steps = TRIALS * method.settings.steps_per_trial
 
     def learn(self) -> None:
         """Some trials."""
@@ -98,7 +93,8 @@ class TemporalDifferences:
 
     def policy(self) -> Callable[[Array], Array]:
         """By the weights as they are, compiled for batches."""
-        return ValueGradientLearner(self.problem, copy.deepcopy(self.fused.network)).control
+        actor, weights = BatchActor(self.problem, self.fused.network), self.fused.weight.flatten().clone()
+        return lambda states: actor.control(weights, states)
 
 
 LEARNERS: dict[str, type[ValueGradients] | type[TemporalDifferences]] = {

@@ -43,7 +43,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from yardstick import Clock, Row, append, finished, row, swimming_speed
 
 from swimmer_mj.environments.vector import SwimmerVectorEnv
-from swimmer_mj.learning.problems.swim.swimming import Swimming
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.parameters import PAPER
 
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "peers-sb3.csv"

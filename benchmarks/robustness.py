@@ -29,16 +29,13 @@ from rich.table import Table
 from yardstick import CONTROL_TIMESTEP, swimming_speed
 
 from swimmer_mj.environments import suite
+from swimmer_mj.intervals import mean_and_interval_text
+from swimmer_mj.learning.networks.actors import BatchActor
 from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.runs.evaluation import (
-    EPISODE_DURATION,
-    N_EPISODES,
-    SETTLING_TIME,
-    evaluation_states,
-    mean_and_interval_text,
-)
-from swimmer_mj.learning.runs.trainer import load_policy
-from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
+from swimmer_mj.learning.problems.forms import SwimmerForm
+from swimmer_mj.learning.problems.problem import EPISODE_DURATION, N_EPISODES, SETTLING_TIME
+from swimmer_mj.learning.problems.swim.environment import evaluation_states
+from swimmer_mj.learning.runs.run import load_policy
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 Array = NDArray[np.float64]
@@ -75,8 +72,9 @@ def changed_swimmers() -> Iterator[tuple[str, SwimmerParameters]]:
 
 def quick(policy: GreedyPolicy) -> Callable[[Array], Array]:
     """The policy as actions in [-1, 1], by compiled code where there is some for its network."""
-    learner = ValueGradientLearner(policy.problem, policy.network)
-    return lambda states: learner.control(states) / policy.problem.control_limits
+    actor = BatchActor(policy.problem, policy.network)
+    weights = torch.cat([w.detach().flatten() for w in policy.network.parameters()])
+    return lambda states: actor.control(weights, states) / policy.problem.control_limits
 
 
 def speed_with_finer_steps(act: Callable[[Array], Array]) -> float:
@@ -159,10 +157,11 @@ def main(
         console.print(f"{out} has seeds {', '.join(map(str, known))}; --out FILE evaluates those of {run}")
     for seed in (seed for seed in seeds if seed not in done):
         policy, config, _ = load_policy(run / f"seed-{seed}")
-        if config.problem != "swim" or config.parameters != PAPER:
+        swimmer = config.problem.form(SwimmerForm)
+        if swimmer is None or swimmer.parameters != PAPER or not isinstance(policy, GreedyPolicy):
             raise SystemExit(f"{run}/seed-{seed} is not a run of the paper's swimmer of 5 links")
         act = quick(policy)
-        rows = [(seed, change, swimming_speed(act, swimmer).mean) for change, swimmer in changed_swimmers()]
+        rows = [(seed, change, swimming_speed(act, changed).mean) for change, changed in changed_swimmers()]
         rows.append((seed, f"steps of {CONTROL_TIMESTEP / FINER} s", speed_with_finer_steps(act)))
         append(out, rows)
         console.print(f"seed {seed}: {rows[0][2]:.3f} m/s, {rows[-1][2]:.3f} m/s with finer steps")

@@ -11,14 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimmer_mj.environments.vector import SwimmerVectorEnv
-from swimmer_mj.learning.runs.evaluation import (
-    EPISODE_DURATION,
-    N_EPISODES,
-    SETTLING_TIME,
-    SwimmingSpeed,
-    evaluation_states,
-    mean_and_interval,
-)
+from swimmer_mj.intervals import mean_and_interval
+from swimmer_mj.learning.problems.problem import EPISODE_DURATION, N_EPISODES, SETTLING_TIME
+from swimmer_mj.learning.problems.swim.environment import SwimmingSpeed, evaluation_states
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 CONTROL_TIMESTEP = 0.01  # s

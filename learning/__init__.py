@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from swimmer_mj.learning.networks.policy import SwimmingPolicy
+    from swimmer_mj.learning.problems.swim.environment import SwimmingPolicy
 
 __all__ = ["load_pretrained"]
 

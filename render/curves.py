@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +17,10 @@ from swimmer_mj import state as st
 from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, log_axis, plain_axes
 from swimmer_mj.trajectory import Trajectory
 
-__all__ = ["METRICS", "OPEN_LOOP_SPEED", "learning_curve", "read_metrics", "rollout_plot"]
+if TYPE_CHECKING:
+    from swimmer_mj.learning.runs.evaluation import Episode
+
+__all__ = ["METRICS", "OPEN_LOOP_SPEED", "episode_plot", "learning_curve", "read_metrics", "rollout_plot"]
 
 Array = NDArray[np.float64]
 
@@ -48,9 +52,13 @@ def read_metrics(path: str | os.PathLike[str]) -> dict[str, Array]:
 
 
 def learning_curve(
-    runs: Sequence[tuple[str, str | os.PathLike[str]]], *, reference_speed: float | None = None
+    runs: Sequence[tuple[str, str | os.PathLike[str]]],
+    *,
+    reference_speed: float | None = None,
+    measure: str = "swimming speed",
+    units: tuple[str, str, str] | None = ("m", "m$^2$/s$^2$", "m/s"),
 ) -> Figure:
-    """Mean value, mean squared Hamiltonian and swimming speed against trials, after figure 2.
+    """Mean value, mean squared Hamiltonian and speed against trials, after figure 2.
 
     Parameters
     ----------
@@ -58,6 +66,10 @@ def learning_curve(
         A run is one line in each panel. A star marks its fastest evaluation, the best checkpoint.
     reference_speed : float, optional
         A speed to compare with, m/s: a dashed line, such as :data:`OPEN_LOOP_SPEED` [5].
+    measure : str
+        What the column ``speed`` has: of a problem that is no swimmer, the mean reward rate.
+    units : (str, str, str), optional
+        Of V, of H^2 and of the speed; None where they are not known.
     """
     if not runs:
         raise ValueError("a learning curve needs at least one run")
@@ -94,9 +106,9 @@ def learning_curve(
             linestyle=(0, (5, 3)),
             label=f"open-loop wave, {reference_speed:g} m/s",
         )
-    value.set_ylabel(r"$\langle V \rangle_S$  (m)")
-    hamiltonian.set_ylabel(r"$\langle H^2 \rangle_S$  (m$^2$/s$^2$)")
-    speed.set_ylabel("swimming speed  (m/s)")
+    names = (r"$\langle V \rangle_S$", r"$\langle H^2 \rangle_S$", measure)
+    for i, (axes, name) in enumerate(zip((value, hamiltonian, speed), names, strict=True)):
+        axes.set_ylabel(name if units is None else f"{name}  ({units[i]})")
     speed.set_xlabel("trials")
     speed.xaxis.set_major_formatter(EngFormatter(sep=""))
     if all((run["mean_squared_hamiltonian"] > 0).any() for _, run in metrics):
@@ -160,6 +172,38 @@ def rollout_plot(trajectory: Trajectory) -> Figure:
             axes.set_ylabel("")
     value.set_xlabel("time  (s)")
     figure.align_ylabels([angle, torque, speed, value])
+    return figure
+
+
+def episode_plot(episode: Episode) -> Figure:
+    """States, controls, reward rate, and V and H along an episode of any problem, in panels over one time axis."""
+    times, p, q = episode.times, episode.states.shape[1], episode.controls.shape[1]
+    figure = Figure(figsize=(8.4, 8.8), layout="constrained")
+    state, control, reward, value = figure.subplots(4, 1, sharex=True, height_ratios=[1.2, 1.0, 1.0, 1.0])
+    for axes in (state, control, reward, value):
+        plain_axes(axes)
+    for i in range(p):
+        color, style = COLORS[i % len(COLORS)], ("-", "--", ":")[i // len(COLORS) % 3]
+        state.plot(times, episode.states[:, i], style, color=color, linewidth=1.3, label=f"$x_{{{i + 1}}}$")
+    for k in range(q):
+        color = COLORS[k % len(COLORS)]
+        control.stairs(episode.controls[:, k], times, baseline=None, color=color, label=f"$u_{{{k + 1}}}$")
+    for axes, count in ((state, p), (control, q)):
+        columns = min(count, 8)
+        axes.legend(frameon=False, fontsize=9, ncols=columns, loc="lower left", bbox_to_anchor=(0, 1))
+    state.set_ylabel("state")
+    control.set_ylabel("control")
+    reward.plot(times, episode.rewards, color=BLUE, linewidth=1.3)
+    reward.set_ylabel("reward rate")
+    value.plot(times, episode.values, color=BLUE, linewidth=1.3)
+    value.set_ylabel("$V$", color=BLUE)
+    hamiltonian = value.twinx()
+    hamiltonian.spines["top"].set_visible(False)
+    hamiltonian.plot(times, episode.hamiltonians, color=ORANGE, linewidth=1.0)
+    hamiltonian.set_ylabel("$H$", color=ORANGE)
+    value.set_xlabel("time  (s)")
+    figure.suptitle(episode.problem.name, x=0.99, ha="right", fontsize=10)
+    figure.align_ylabels([state, control, reward, value])
     return figure
 
 

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 
+from swimmer_mj.intervals import mean_and_interval
 from swimmer_mj.learning.experiments import what_decides
 from swimmer_mj.learning.experiments.long_runs import ETAS
 from swimmer_mj.learning.experiments.summaries import peaks
 from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where, settings_of
-from swimmer_mj.learning.runs.evaluation import mean_and_interval
 from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, log_axis, plain_axes
 
 __all__ = ["draw_long_runs", "draw_what_decides"]

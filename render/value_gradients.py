@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 
+from swimmer_mj.intervals import mean_and_interval
 from swimmer_mj.learning.experiments import value_gradients
 from swimmer_mj.learning.experiments.summaries import FAST, learners
 from swimmer_mj.learning.experiments.tables import LOGS, read_table, rows_where, settings_of
-from swimmer_mj.learning.runs.evaluation import mean_and_interval
 from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, log_axis, plain_axes
 
 __all__ = ["draw_ablation", "draw_lasting", "draw_links"]

@@ -4,7 +4,8 @@ import math
 import os
 import subprocess
 import sys
-from typing import ClassVar, Literal, get_args, get_type_hints
+from pathlib import Path
+from typing import ClassVar, get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -13,7 +14,10 @@ from swimmer_mj.cli import COMMANDS, main, output, pictures, viewing
 from swimmer_mj.cli.runs import free_directory
 from swimmer_mj.cli.training import parse_seeds, train
 from swimmer_mj.learning.pretrained import pretrained_card, pretrained_names
-from swimmer_mj.learning.runs.trainer import TrainConfig, read_config
+from swimmer_mj.learning.problems.swim import Swimming
+from swimmer_mj.learning.runs.config import read_config
+from swimmer_mj.learning.td.method import TemporalDifferences
+from swimmer_mj.learning.value_gradient.method import ValueGradients
 from swimmer_mj.render.curves import read_metrics
 from swimmer_mj.trajectory import Trajectory
 
@@ -75,7 +79,10 @@ def test_help_imports_nothing_heavy():
             ["train", "--out", "r", "--device", "tpu"],
             "swimmer-mj: invalid choice 'tpu' for argument '--device'. Exp",
         ),
-        (["train", "--out", "r", "--device", "cuda"], "'td' learns on the CPU"),
+        (
+            ["train", "--out", "r", "--device", "cuda"],
+            "--device is no option of problem 'swim', nor of method 'td'",
+        ),
         (["train", "--out", "r", "--resume"], "is not a run directory"),
         (["train", "--out", "swim5-value-gradient", "--resume"], "is not a run directory"),
         (["evaluate", "nowhere"], "nowhere is not a run directory"),
@@ -84,7 +91,7 @@ def test_help_imports_nothing_heavy():
         (["train", "--out", "r", "--resume", "--seeds", "0-3"], "leave out --seeds"),
         (
             ["train", "--out", "r", "--problem", "pendulum", "--links", "3"],
-            "--links is for --problem swim, got",
+            "--links is no option of problem 'pendulum', nor of method 'td'",
         ),
         (["demo", "--seed", "-1"], "--seed must not be negative, got -1"),
         (["validate", "--seed", "-1"], "--seed must not be negative, got -1"),
@@ -251,31 +258,35 @@ def test_info(capsys, trained):
     status, out, _ = run(capsys, "info", "--json")
     assert status == 0
     assert json.loads(out)["tasks"] == ["swim3", "swim4", "swim5", "steer3", "steer4", "steer5"]
-    assert json.loads(out)["problems"] == ["swim", "pendulum"]
+    assert json.loads(out)["problems"] == ["swim", "pendulum", "cart-pole"]
+    assert json.loads(out)["methods"] == ["td", "value-gradient"]
     status, out, _ = run(capsys, "info", trained, "--json")
     assert status == 0
-    assert json.loads(out)["config"]["parameters"]["n_links"] == 2
+    assert json.loads(out)["config"]["problem"]["parameters"]["n_links"] == 2
 
 
 def test_info_offers_the_tasks_and_problems_there_are(monkeypatch, capsys):
     import swimmer_mj
-    from swimmer_mj.learning.runs import trainer
-
-    @dataclasses.dataclass
-    class Config:
-        problem: Literal["swim", "fly"]
+    from swimmer_mj.learning.runs import registry
 
     monkeypatch.setattr(swimmer_mj.environments.suite, "SUITE", ["swim99"])
-    monkeypatch.setattr(trainer, "TrainConfig", Config)
+    monkeypatch.setattr(registry, "PROBLEMS", {"swim": "", "fly": ""})
     _, out, _ = run(capsys, "info", "--json")
     assert json.loads(out)["tasks"] == ["swim99"]
     assert json.loads(out)["problems"] == ["swim", "fly"]
 
 
 def test_train_offers_what_a_run_can_be():
-    offered, possible = get_type_hints(train), get_type_hints(TrainConfig)
-    for name in ("method", "problem", "physics", "dtype", "device"):
-        assert get_args(offered[name]) == get_args(possible[name]), name
+    offered = get_type_hints(train)
+    for name, kinds in (
+        ("physics", [Swimming]),
+        ("dtype", [TemporalDifferences, ValueGradients]),
+        ("device", [ValueGradients]),
+        ("engine", [TemporalDifferences, ValueGradients]),
+    ):
+        choices = {choice for part in get_args(offered[name]) for choice in get_args(part)}
+        possible = {choice for kind in kinds for choice in get_args(get_type_hints(kind)[name])}
+        assert choices == possible - {"auto"}, name
 
 
 PENDULUM = ["--problem", "pendulum", "--neurons", "8"]
@@ -330,14 +341,14 @@ def test_a_taken_directory_of_several_is_found_before_the_first_is_written(tmp_p
 
 
 def test_train_reports_the_trials_that_were_saved(tmp_path, monkeypatch, capsys):
-    from swimmer_mj.learning.runs import trainer
+    from swimmer_mj.learning.runs import together
 
     def one_stretch_too_many(runs, **_):
         for trained in runs:
-            trained.advance()
-            assert trained.advance(stretch=5, stop=lambda: True) is None
+            together.Pack([trained]).advance()
+            assert together.Pack([trained]).advance(stretch=5, stop=lambda: True) is None
 
-    monkeypatch.setattr(trainer, "train_together", one_stretch_too_many)
+    monkeypatch.setattr(together, "train_together", one_stretch_too_many)
     out = tmp_path / "run"
     status, printed, _ = run(capsys, "train", "--out", out, *PENDULUM, "--evaluate-every", "20", "--json")
     assert status == 0
@@ -370,7 +381,7 @@ def test_train_reports_and_resumes(tmp_path, capsys):
 def test_the_learning_rate_is_smaller_with_vario_eta(tmp_path, capsys, options, eta):
     out = tmp_path / "run"
     assert run(capsys, "train", "--out", out, *PENDULUM, *options, "--trials", "5")[0] == 0
-    assert read_config(out).td.eta == eta
+    assert read_config(out).method.settings.eta == eta
 
 
 def test_evaluate(capsys, trained):
@@ -384,25 +395,23 @@ def test_evaluate(capsys, trained):
     assert result["value_bias"] == pytest.approx(result["mean_value"] - result["mean_return"])
 
 
-def test_evaluate_refuses_what_does_not_swim(tmp_path, capsys):
+def test_another_problem_is_evaluated_and_drawn(tmp_path, capsys):
     out = tmp_path / "run"
-    run(
-        capsys,
-        "train",
-        "--out",
-        out,
-        "--problem",
-        "pendulum",
-        "--neurons",
-        "8",
-        "--trials",
-        "5",
-        "--evaluate-every",
-        "5",
-    )
-    status, _, err = run(capsys, "evaluate", out)
+    short = ["--trials", "5", "--evaluate-every", "5"]
+    assert run(capsys, "train", "--out", out, *PENDULUM, *short)[0] == 0
+    status, reply, err = run(capsys, "evaluate", out, "--episodes", "2", "--json")
+    assert status == 0, err
+    result = json.loads(reply)
+    assert (result["n_episodes"], result["measure"]) == (2, "reward")
+    assert -1 <= result["reward_ci95"][0] <= result["reward_mean"] <= result["reward_ci95"][1] <= 1
+    assert run(capsys, "evaluate", out, "--episodes", "1")[1].startswith("seed 0, 5 trials: mean reward ")
+    status, reply, err = run(capsys, "render", out, "--duration", "1", "--json")
+    assert status == 0, err
+    pictures = {name: Path(path) for name, path in json.loads(reply).items() if name != "run"}
+    assert {"learning_curve", "episode"} == pictures.keys()
+    assert all(path.read_bytes()[:4] == b"\x89PNG" for path in pictures.values())
+    status, _, err = run(capsys, "view", "swim5", out)
     assert status == 2
-    assert "swimming speed is defined for swimmers only" in err
 
 
 def test_render(tmp_path, capsys, trained):
@@ -535,12 +544,13 @@ def test_trains_value_gradients(tmp_path, capsys):
     assert status == 0, err
     status, reply, _ = run(capsys, "info", out, "--json")
     config = json.loads(reply)["config"]
-    assert (config["method"], config["layers"], config["s_gamma"]) == ("value-gradient", [64, 64], 0.5)
+    assert (config["method"]["name"], config["method"]["layers"]) == ("value-gradient", [64, 64])
+    assert config["problem"]["s_gamma"] == 0.5
     status, _, err = run(
         capsys, "train", "--out", tmp_path / "b", "--method", "value-gradient", "--eta", "0.1"
     )
     assert status == 2
-    assert "--eta is for --method td" in err
+    assert "--eta is no option of problem 'swim', nor of method 'value-gradient'" in err
 
 
 def test_a_pretrained_policy_keeps_its_name_beside_pictures_of_it(tmp_path, capsys, monkeypatch):

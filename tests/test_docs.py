@@ -10,7 +10,7 @@ import pytest
 
 from swimmer_mj.cli import main
 from swimmer_mj.learning.experiments.summaries import LOGS, TABLES
-from swimmer_mj.learning.runs.trainer import Metrics
+from swimmer_mj.learning.runs.run import Metrics
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

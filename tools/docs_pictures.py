@@ -8,7 +8,6 @@ The policy is seen from above for 13 s; the target direction is reversed after 5
 
 from __future__ import annotations
 
-import math
 import sys
 from pathlib import Path
 
@@ -19,8 +18,8 @@ from PIL import Image
 from swimmer_mj.files import replacing
 from swimmer_mj.learning.experiments import LOGS
 from swimmer_mj.learning.pretrained import pretrained_directory
-from swimmer_mj.learning.runs.evaluation import evaluation_states, record_episode
-from swimmer_mj.learning.runs.trainer import load_policy
+from swimmer_mj.learning.problems.forms import SwimmerForm
+from swimmer_mj.learning.runs.run import load_policy
 from swimmer_mj.render.figures import save_figure
 from swimmer_mj.render.reproduction import FIGURES
 from swimmer_mj.render.strip import film_strip
@@ -56,13 +55,9 @@ def save_small(figure: Figure, path: Path) -> None:
 def draw_policy(name: str) -> None:
     """Film strip and animation of the pretrained policy ``name``."""
     policy, config, _ = load_policy(pretrained_directory(name))
-    trajectory = record_episode(
-        policy,
-        config.parameters,
-        evaluation_states(config.parameters.n_links)[0],
-        13.0,
-        lambda now: 0.0 if now < 5.0 - 1e-9 else math.pi,
-    )
+    swimmer = config.problem.form(SwimmerForm)
+    assert swimmer is not None
+    trajectory = swimmer.record(policy, 13.0)
     save_small(film_strip(trajectory), IMAGES / "film-strip.png")
     shown = list(frames(trajectory, width=400, height=225, fps=FPS))[: round(ANIMATED * FPS)]
     with replacing(IMAGES / "swimmer.gif") as partial:

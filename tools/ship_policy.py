@@ -14,10 +14,11 @@ from pathlib import Path
 import torch
 import tyro
 
-from swimmer_mj.learning.networks.policy import SwimmingPolicy
+from swimmer_mj.learning.problems.forms import SwimmerForm
+from swimmer_mj.learning.problems.swim.environment import SwimmingPolicy, evaluate_swimming
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint, save_checkpoint
-from swimmer_mj.learning.runs.evaluation import evaluate_swimming
-from swimmer_mj.learning.runs.trainer import BEST, CONFIG, LOG, load_policy
+from swimmer_mj.learning.runs.config import CONFIG
+from swimmer_mj.learning.runs.run import BEST, LOG, load_policy
 
 PRETRAINED = Path(__file__).parent.parent / "learning" / "pretrained"
 
@@ -32,7 +33,10 @@ def main(run: tyro.conf.Positional[Path], name: tyro.conf.Positional[str], chose
     """
     torch.set_num_threads(1)
     policy, config, _ = load_policy(run)
-    speed = evaluate_swimming(SwimmingPolicy(policy), config.parameters)
+    swimmer = config.problem.form(SwimmerForm)
+    if swimmer is None:
+        raise SystemExit(f"{run} learned {config.problem.name!r}; only swimmers are shipped")
+    speed = evaluate_swimming(SwimmingPolicy(policy), swimmer.parameters)
     tensors, info = load_checkpoint(run / BEST)
     commit = subprocess.run(
         ["git", "rev-parse", "--short=12", "HEAD"], check=True, capture_output=True, text=True

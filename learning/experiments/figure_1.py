@@ -23,7 +23,7 @@ import torch
 from swimmer_mj.learning.experiments.noise import NoiseMeter
 from swimmer_mj.learning.experiments.tables import LOGS, Path, write_table
 from swimmer_mj.learning.networks.layered import Layered
-from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
+from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
 from swimmer_mj.learning.td.vario_eta import VarioEta

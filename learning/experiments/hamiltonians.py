@@ -22,14 +22,11 @@ from numpy.typing import NDArray
 from swimmer_mj.learning.experiments.linear_approximators import radial_basis
 from swimmer_mj.learning.experiments.tables import LOGS, Path, write_table
 from swimmer_mj.learning.networks.networks import Cascade, ValueNetwork
-from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
+from swimmer_mj.learning.networks.policy import greedy_control, hamiltonian
+from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.problem import ControlProblem
-from swimmer_mj.learning.problems.swim.swimming import Swimming
-from swimmer_mj.learning.td.continuous_td import (
-    TDSettings,
-    greedy_control,
-    hamiltonian,
-)
+from swimmer_mj.learning.problems.swim import Swimming
+from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
 from swimmer_mj.learning.td.hamiltonian import hamiltonian_by_difference, second_order_term, switches
 from swimmer_mj.learning.td.linear import LinearTD

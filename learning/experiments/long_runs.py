@@ -16,9 +16,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from swimmer_mj.learning.experiments.tables import LOGS, write_table
-from swimmer_mj.learning.runs.trainer import ETA, Metrics, Report, TrainConfig, TrainingRun, train_together
-from swimmer_mj.learning.runs.trainer import LOG as METRICS_LOG
+from swimmer_mj.learning.problems.swim import Swimming
+from swimmer_mj.learning.runs.config import RunConfig
+from swimmer_mj.learning.runs.run import LOG as METRICS_LOG
+from swimmer_mj.learning.runs.run import Metrics, TrainingRun
+from swimmer_mj.learning.runs.together import Report, train_together
 from swimmer_mj.learning.td.continuous_td import TDSettings
+from swimmer_mj.learning.td.method import ETA, TemporalDifferences
 from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = ["ETAS", "SEEDS", "SWIMMERS", "Swimmer", "collect", "configurations", "open_runs", "run"]
@@ -49,17 +53,15 @@ SWIMMERS = {
 }
 
 
-def configurations(name: str, preset: str) -> dict[str, TrainConfig]:
+def configurations(name: str, preset: str) -> dict[str, RunConfig]:
     """The runs of a swimmer with a preset: directory below the study's, and configuration."""
     swimmer = SWIMMERS[name]
     return {
-        f"{name}-{preset}/seed-{seed}": TrainConfig(
-            seed=seed,
-            parameters=SwimmerParameters(n_links=swimmer.links),
-            td=TDSettings(eta=ETAS[preset]),
-            neurons=swimmer.neurons,
-            engine="population",
-            evaluate_every=EVALUATE_EVERY,
+        f"{name}-{preset}/seed-{seed}": RunConfig(
+            Swimming(SwimmerParameters(n_links=swimmer.links)),
+            TemporalDifferences(TDSettings(eta=ETAS[preset]), swimmer.neurons, engine="population"),
+            seed,
+            EVALUATE_EVERY,
         )
         for seed in SEEDS
     }

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from swimmer_mj.learning.networks.networks import Cascade
-from swimmer_mj.learning.problems.swim.swimming import Swimming
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
 from swimmer_mj.learning.td.population import LANES, PopulationTD

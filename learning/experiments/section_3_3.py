@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from swimmer_mj.learning.experiments.noise import NoiseMeter
 from swimmer_mj.learning.experiments.tables import LOGS, Path, write_table
 from swimmer_mj.learning.networks.networks import Cascade
-from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
-from swimmer_mj.learning.problems.swim.swimming import Swimming
+from swimmer_mj.learning.problems.pendulum import Pendulum
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
 

@@ -37,14 +37,14 @@ import torch
 from numpy.typing import NDArray
 from scipy import stats
 
-from swimmer_mj.learning.td import levenberg_marquardt, vario_eta
 from swimmer_mj.learning.experiments.tables import LOGS, Path, write_table
 from swimmer_mj.learning.networks.networks import Cascade
-from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
-from swimmer_mj.learning.problems.problem import ControlProblem
-from swimmer_mj.learning.problems.swim.swimming import Swimming
-from swimmer_mj.learning.runs.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
-from swimmer_mj.learning.runs.trainer import evaluation_sample
+from swimmer_mj.learning.problems.forms import EnvironmentForm
+from swimmer_mj.learning.problems.pendulum import Pendulum
+from swimmer_mj.learning.problems.problem import EPISODE_DURATION, SETTLING_TIME, ControlProblem
+from swimmer_mj.learning.problems.swim import Swimming
+from swimmer_mj.learning.runs.run import evaluation_sample
+from swimmer_mj.learning.td import levenberg_marquardt, vario_eta
 from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
 from swimmer_mj.learning.td.levenberg_marquardt import LevenbergMarquardt
@@ -138,8 +138,9 @@ class Task:
 
     def starts(self) -> Array:
         """Where the episodes of an evaluation begin, shape (32, p)."""
-        if isinstance(self.problem, Swimming):
-            return evaluation_states(self.problem.parameters.n_links, 32)
+        environment = self.problem.form(EnvironmentForm)
+        if environment is not None:
+            return environment.starts(32)
         return self.problem.initial_states(np.random.default_rng(100), 32)
 
 

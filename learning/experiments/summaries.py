@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments import long_runs, section_3_3, value_gradients, what_decides
 from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where, settings_of
-from swimmer_mj.learning.runs.evaluation import mean_and_interval_text
 from swimmer_mj.learning.td.continuous_td import TDSettings
 
 __all__ = [

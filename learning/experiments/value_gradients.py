@@ -31,9 +31,11 @@ import torch
 
 from swimmer_mj.learning.experiments.tables import LOGS, read_table, write_table
 from swimmer_mj.learning.networks.networks import Cascade, ValueNetwork
-from swimmer_mj.learning.runs.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
-from swimmer_mj.learning.runs.trainer import TrainConfig, value_gradient_config
+from swimmer_mj.learning.problems.problem import EPISODE_DURATION, SETTLING_TIME
+from swimmer_mj.learning.problems.swim import Swimming
+from swimmer_mj.learning.problems.swim.environment import evaluation_states
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
+from swimmer_mj.learning.value_gradient.method import ValueGradients
 from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = ["ABLATION_LOG", "LASTING_LOG", "LINKS_LOG", "Variant", "ablation", "lasting", "links", "run_study"]
@@ -58,11 +60,12 @@ Row = tuple[str | float, ...]
 
 
 class Variant(NamedTuple):
-    """A configuration, and what is different in it."""
+    """A problem and a method, and what is different in them."""
 
     factor: str
     setting: str
-    config: TrainConfig
+    problem: Swimming
+    method: ValueGradients
 
     @property
     def label(self) -> str:
@@ -71,11 +74,17 @@ class Variant(NamedTuple):
 
 
 def variant(factor: str, setting: str, **changes: Any) -> Variant:
-    """The chosen configuration with some of its fields, or of its ``value_gradient``'s, changed."""
-    config = value_gradient_config()
-    settings = {name: changes.pop(name) for name in list(changes) if hasattr(config.value_gradient, name)}
-    changed = dataclasses.replace(config.value_gradient, **settings)
-    return Variant(factor, setting, dataclasses.replace(config, value_gradient=changed, **changes))
+    """The chosen configuration with some settings of its problem, its method or its learner changed."""
+    problem, method = Swimming(s_gamma=ValueGradients.s_gamma), ValueGradients()
+    of_learner, of_problem = (
+        {name: changes.pop(name) for name in list(changes) if hasattr(thing, name)}
+        for thing in (method.settings, problem)
+    )
+    method = dataclasses.replace(
+        method, settings=dataclasses.replace(method.settings, **of_learner), **changes
+    )
+    problem = dataclasses.replace(problem, **of_problem)
+    return Variant(factor, setting, problem, method)
 
 
 EQUAL_WEIGHTS = 87
@@ -130,14 +139,13 @@ def learn(one: Variant, seed: int, looks: Sequence[int], threads: int | None = N
     """Learn, and look at the learner when it has simulated so many steps of 0.01 s; rows of :data:`COLUMNS`."""
     if threads is not None:
         torch.set_num_threads(threads)
-    config = dataclasses.replace(one.config, seed=seed)
-    problem = config.make_problem()
-    network = config.make_network(problem)
+    problem, settings = one.problem, one.method.settings
+    network = one.method.network(problem, seed)
     n_weights = count_weights(network)
-    to_compile = ValueGradientLearner(problem, copy.deepcopy(network), config.value_gradient)
+    to_compile = ValueGradientLearner(problem, copy.deepcopy(network), settings)
     _reach(to_compile, 1)  # is not timed
-    learner = ValueGradientLearner(problem, network, config.value_gradient, seed=seed)
-    states = evaluation_states(config.parameters.n_links)
+    learner = ValueGradientLearner(problem, network, settings, seed=seed)
+    states = evaluation_states(problem.parameters.n_links)
     rows: list[Row] = []
     seconds, sound = 0.0, True
     for look in looks:

@@ -16,11 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swimmer_mj.learning.experiments.tables import LOGS, read_table, write_table
-from swimmer_mj.learning.networks.networks import Cascade
-from swimmer_mj.learning.runs.evaluation import EPISODE_DURATION, SETTLING_TIME, evaluation_states
-from swimmer_mj.learning.runs.trainer import TrainConfig, evaluation_sample
+from swimmer_mj.learning.problems.problem import EPISODE_DURATION, SETTLING_TIME
+from swimmer_mj.learning.problems.swim import Swimming
+from swimmer_mj.learning.problems.swim.environment import evaluation_states
+from swimmer_mj.learning.runs.run import evaluation_sample
 from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
+from swimmer_mj.learning.td.method import TemporalDifferences
 from swimmer_mj.learning.td.population import LANES, PopulationTD
 
 __all__ = ["BASELINE", "LOG", "VARIANTS", "Variant", "merge", "run"]
@@ -41,7 +43,7 @@ DURATION = 150_000.0
 
 EVALUATIONS = 5
 
-BASELINE = TrainConfig(td=TDSettings(eta=0.04))
+BASELINE = Swimming(), TemporalDifferences(TDSettings(eta=0.04), engine="population")
 
 
 class Variant(NamedTuple):
@@ -49,13 +51,20 @@ class Variant(NamedTuple):
 
     factor: str
     setting: str
-    config: TrainConfig
+    problem: Swimming
+    method: TemporalDifferences
 
 
 def _variant(factor: str, setting: str, **changes: Any) -> Variant:
-    td = {name: changes.pop(name) for name in list(changes) if hasattr(BASELINE.td, name)}
-    config = dataclasses.replace(BASELINE, td=dataclasses.replace(BASELINE.td, **td), **changes)
-    return Variant(factor, setting, config)
+    problem, method = BASELINE
+    of_learner, of_problem = (
+        {name: changes.pop(name) for name in list(changes) if hasattr(thing, name)}
+        for thing in (method.settings, problem)
+    )
+    method = dataclasses.replace(
+        method, settings=dataclasses.replace(method.settings, **of_learner), **changes
+    )
+    return Variant(factor, setting, dataclasses.replace(problem, **of_problem), method)
 
 
 VARIANTS = (
@@ -73,28 +82,24 @@ VARIANTS = (
 
 def _packs(variants: Sequence[Variant]) -> list[list[tuple[Variant, int]]]:
     """Learners (variant, seed) that can share a population, up to 16 a pack."""
-    alike: dict[TrainConfig, list[tuple[Variant, int]]] = {}
+    alike: dict[Any, list[tuple[Variant, int]]] = {}
     for variant in variants:
-        alike.setdefault(variant.config.common(), []).extend((variant, seed) for seed in SEEDS)
+        key = variant.method.team_key(variant.problem)
+        alike.setdefault(key, []).extend((variant, seed) for seed in SEEDS)
     return [group[i : i + LANES] for group in alike.values() for i in range(0, len(group), LANES)]
 
 
 def _learn(pack: Sequence[tuple[Variant, int]], duration: float) -> list[tuple[str | float, ...]]:
     """Rows of the log for one pack."""
-    configs = [dataclasses.replace(variant.config, seed=seed) for variant, seed in pack]
-    problem = configs[0].make_problem()
-    learners = []
-    for config in configs:
-        network = config.make_network(problem)
-        assert isinstance(network, Cascade)
-        learners.append(FusedTD(problem, network, config.td))
+    problem = pack[0][0].problem
+    learners = [
+        FusedTD(problem, variant.method.network(problem, seed), variant.method.settings)
+        for variant, seed in pack
+    ]
     population = PopulationTD(learners)
-    rngs = [np.random.default_rng(config.seed) for config in configs]
-    states, sample = (
-        evaluation_states(configs[0].parameters.n_links),
-        evaluation_sample(BASELINE.make_problem()),
-    )
-    trial_duration = configs[0].td.trial_duration
+    rngs = [np.random.default_rng(seed) for _, seed in pack]
+    states, sample = evaluation_states(problem.parameters.n_links), evaluation_sample(BASELINE[0])
+    trial_duration = pack[0][0].method.settings.trial_duration
     rows: list[tuple[str | float, ...]] = []
     done = 0
     for k in range(1, EVALUATIONS + 1):
@@ -123,7 +128,7 @@ def _learn(pack: Sequence[tuple[Variant, int]], duration: float) -> list[tuple[s
 def _require_part(part: Path, pack: Sequence[tuple[Variant, int]], duration: float) -> None:
     """Refuse a part of the log that is not that of the learners of ``pack``, all of them and to their end."""
     end = {row[:3]: float(row[3]) for row in _rows(part)}
-    trial_duration = pack[0][0].config.td.trial_duration
+    trial_duration = pack[0][0].method.settings.trial_duration
     expected_end = round(duration / trial_duration) * trial_duration
     if set(end) != {(one.factor, one.setting, seed) for one, seed in pack} or not np.allclose(
         list(end.values()), expected_end, rtol=1e-5

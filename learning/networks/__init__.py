@@ -1,1 +1,1 @@
-"""Value networks V_w and their greedy policies."""
+"""Value networks V_w, their compiled evaluation, and what acts by them: the greedy policy."""

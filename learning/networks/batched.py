@@ -34,8 +34,9 @@ from swimmer_mj.compiled.rational_tanh import tanh_of_many
 from swimmer_mj.compiled.simd import OPTIONS, convert, cos_sin, spread
 from swimmer_mj.compiled.vectors import FAST, LANES, add_lanes, aligned_zeros, load, splat, store
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer, ValueNetwork
+from swimmer_mj.learning.problems.forms import Encoding
 
-__all__ = ["BLOCK", "BatchedNetwork", "Encoding"]
+__all__ = ["BLOCK", "BatchedNetwork"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -43,23 +44,6 @@ Real = NDArray[Any]  # the network's dtype
 
 BLOCK = 2 * LANES
 """Samples that are worked on together."""
-
-
-class Encoding(NamedTuple):
-    """How a state is encoded: angles by cos and sin, the rest by a factor. All are arrays of indices but ``scale``."""
-
-    angle: Indices
-    """Where the angles stand in x."""
-    cosine: Indices
-    """Where their cosines stand in z."""
-    sine: Indices
-    """Where their sines stand in z."""
-    linear: Indices
-    """Where the rest stands in x."""
-    scaled: Indices
-    """Where it stands in z."""
-    scale: Array
-    """What it is multiplied by."""
 
 
 class Wiring(NamedTuple):

@@ -14,7 +14,10 @@ from typing import Literal
 import torch
 from torch import Tensor, nn
 
-__all__ = ["Cascade", "Multilayer", "ValueNetwork"]
+__all__ = ["Cascade", "DType", "Multilayer", "Sigmoid", "ValueNetwork"]
+
+DType = Literal["float32", "float64"]
+Sigmoid = Literal["tanh", "logistic"]
 
 
 class ValueNetwork(nn.Module):

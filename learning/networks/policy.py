@@ -1,34 +1,34 @@
-"""The greedy policy of a value network, as a function of states and as a dm_control agent."""
+"""The greedy policy of a value network."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
+from torch import Tensor
 
-from swimmer_mj import state as st
+from swimmer_mj.learning.networks.actors import actor_for
 from swimmer_mj.learning.networks.networks import ValueNetwork
-from swimmer_mj.learning.problems.problem import ControlProblem
-from swimmer_mj.learning.td.continuous_td import greedy_control, hamiltonian
+from swimmer_mj.learning.problems.forms import Judgement
+from swimmer_mj.learning.problems.problem import ControlProblem, as_states, episode_sums
 
-__all__ = ["GreedyPolicy", "Judgement", "SwimmingPolicy", "observed_state"]
+__all__ = ["GreedyPolicy", "greedy_control", "hamiltonian"]
 
 Array = NDArray[np.float64]
+T = TypeVar("T", float, Array, Tensor)
 Network = TypeVar("Network", bound=ValueNetwork)
 
 
-class Judgement(NamedTuple):
-    """What a value network makes of states; leading axes are those of the states."""
+def greedy_control(B: Array, dVdx: Array, limits: Array) -> Array:
+    """argmax_u dV/dx . (a + B u): U_i sign([B^T dV/dx]_i), shape (..., q); 0 where either sign is as good."""
+    return limits * np.sign(np.einsum("...pq,...p->...q", B, dVdx))
 
-    control: Array
-    """Greedy control u, shape (..., q)."""
-    value: Array
-    """V(x), shape (...)."""
-    hamiltonian: Array
-    """H(x), shape (...)."""
+
+def hamiltonian(r: T, V: T, dVdx: Array, f: Array, s_gamma: float) -> T:
+    """H = r - s_gamma V + dV/dx . f, the continuous equivalent of Bellman's residual."""
+    return r - s_gamma * V + (dVdx * f).sum(axis=-1)
 
 
 class GreedyPolicy(Generic[Network]):
@@ -56,18 +56,15 @@ class GreedyPolicy(Generic[Network]):
         """u, shape (..., q), at ``x``, shape (..., p)."""
         return self.judge(x).control
 
+    def episodes(self, states: Array, shares: Array, dt: float) -> Array:
+        """Sums (N,) of the reward rates times ``shares`` (steps,) over episodes from ``states``, (N, p).
 
-def observed_state(observation: Mapping[str, ArrayLike]) -> Array:
-    """The reduced state, in the target's frame, that a swim or steer task observes."""
-    return st.join_reduced(observation["angles"], observation["angular_velocities"], observation["velocity"])
-
-
-class SwimmingPolicy:
-    """A greedy policy as an agent: observation of a swim or steer task -> action in [-1, 1]."""
-
-    def __init__(self, policy: GreedyPolicy) -> None:
-        self.policy = policy
-
-    def __call__(self, observation: Mapping[str, ArrayLike]) -> Array:
-        """Action, shape (..., n - 1)."""
-        return self.policy(observed_state(observation)) / self.policy.problem.control_limits
+        By RK4, control held for ``dt``; by the fastest actor there is.
+        """
+        states = as_states(states, self.problem.state_size)
+        actor = actor_for(self.problem, self.network)
+        if actor is None:
+            return episode_sums(self.problem, self, states, shares, dt)
+        with torch.no_grad():
+            weights = torch.cat([w.flatten() for w in self.network.parameters()])
+            return actor.episodes(weights, states, shares, dt)

@@ -7,7 +7,7 @@
 
 ``best.json`` in a directory is the policy's card: configuration, seed, trials, the commit it was shipped at, its
 swimming speed by the definition of docs/metrics.md, and how it was chosen. A directory goes wherever a run's goes, as
-in ``swimmer_mj.learning.runs.trainer.load_policy``.
+in ``swimmer_mj.learning.runs.run.load_policy``.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from swimmer_mj.learning.networks.policy import SwimmingPolicy
+from swimmer_mj.learning.problems.swim.environment import SwimmingPolicy
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint
-from swimmer_mj.learning.runs.trainer import BEST, CONFIG, load_policy
+from swimmer_mj.learning.runs.config import CONFIG
+from swimmer_mj.learning.runs.run import BEST, load_policy
 
 __all__ = ["PRETRAINED", "load_pretrained", "pretrained_card", "pretrained_directory", "pretrained_names"]
 

@@ -2,42 +2,50 @@
 
 A control problem has states x in R^p, controls u with |u_i| <= U_i, dynamics that are affine in the control,
 dx/dt = a(x) + B(x) u, a reward rate r(x), a shortness factor s_gamma and a law of initial states. Any object with
-these attributes is one; nothing is inherited.
+these attributes is one; nothing is inherited. A problem that a run is to keep in its config.json is a frozen dataclass
+whose fields are its settings.
+
+Beside these functions, in NumPy, a problem may offer other forms of itself: :mod:`swimmer_mj.learning.problems.forms`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Literal, Protocol, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from swimmer_mj.integrators import euler_step
+from swimmer_mj.integrators import euler_step, rk4_step
 
-__all__ = ["CompiledProblem", "ControlProblem", "episode_steps", "require_euler", "step_by_euler"]
+__all__ = [
+    "DT",
+    "EPISODE_DURATION",
+    "N_EPISODES",
+    "SETTLING_TIME",
+    "ControlProblem",
+    "as_states",
+    "discount_shares",
+    "episode_shares",
+    "episode_steps",
+    "episode_sums",
+    "require_choices",
+    "require_euler",
+    "step_by_euler",
+]
 
 Array = NDArray[np.float64]
+Form = TypeVar("Form")
 
-
-class CompiledProblem(NamedTuple):
-    """The same problem as numba functions, for the fused kernel.
-
-    They write into the arrays that they are given and allocate nothing. ``z`` and ``dVdz`` have the learner's dtype,
-    everything else is float64.
-    """
-
-    constants: Any
-    """First argument of ``dynamics`` and ``reward``: whatever numba can take."""
-    dynamics: Callable[..., None]
-    """(constants, x, a, B): fill the drift a (p,) and the control matrix B (p, q), which starts as zeros."""
-    reward: Callable[..., float]
-    """(constants, x): r(x)."""
-    inputs: Callable[..., None]
-    """(x, z): fill the network's inputs z (m,)."""
-    input_pullback: Callable[..., None]
-    """(z, dVdz, dVdx): fill dVdx (p,) with (dz/dx)^T dVdz, given the inputs z at x."""
+DT = 0.01
+"""For how long a control is held in an evaluation, s."""
+N_EPISODES = 64
+"""Episodes in an evaluation."""
+EPISODE_DURATION = 20.0
+"""Length of each, s."""
+SETTLING_TIME = 10.0
+"""How much of each is left out, s: the start from a random state is not what was learned to be kept up."""
 
 
 class ControlProblem(Protocol):
@@ -88,9 +96,29 @@ class ControlProblem(Protocol):
         """The network's inputs, shape (..., m), differentiable in x and of its dtype."""
         ...
 
-    def compile(self) -> CompiledProblem | None:
-        """The problem for the fused kernel; None where only the torch reference can learn it."""
+    def form(self, kind: type[Form]) -> Form | None:
+        """The problem in another form, one of :mod:`swimmer_mj.learning.problems.forms`; None if it has no such form.
+
+        What is offered has to be this problem: a subclass with equations or a reward of its own must not hand on the
+        forms of its base class.
+        """
         ...
+
+
+def require_choices(settings: object) -> None:
+    """Refuse a dataclass one of whose fields of type ``Literal[..]`` has another value."""
+    for name, hint in get_type_hints(type(settings)).items():
+        if get_origin(hint) is Literal and getattr(settings, name) not in get_args(hint):
+            choices = ", ".join(map(repr, get_args(hint)))
+            raise ValueError(f"{name} must be one of {choices}; got {getattr(settings, name)!r}")
+
+
+def as_states(states: Array, p: int) -> Array:
+    """``states`` as compiled code reads them: (count, p), float64, contiguous."""
+    states = np.ascontiguousarray(states, dtype=np.float64)
+    if states.ndim != 2 or states.shape[1] != p:
+        raise ValueError(f"states must have shape (count, {p}), got {states.shape}")
+    return states
 
 
 def episode_steps(duration: float, skip: float, dt: float) -> tuple[int, int]:
@@ -103,9 +131,43 @@ def episode_steps(duration: float, skip: float, dt: float) -> tuple[int, int]:
     return n_steps, n_skip
 
 
+def episode_shares(duration: float, skip: float, dt: float) -> Array:
+    """What the reward rate at each step of an episode counts in its mean after the first ``skip`` seconds; (steps,)."""
+    n_steps, n_skip = episode_steps(duration, skip, dt)
+    counts = np.arange(n_steps) >= n_skip
+    return counts / counts.sum()
+
+
+def discount_shares(s_gamma: float, duration: float, dt: float) -> Array:
+    """What the reward rate at each step of an episode counts in equation 1, up to ``duration`` seconds; (steps,)."""
+    n_steps, _ = episode_steps(duration, 0.0, dt)
+    return np.exp(-s_gamma * dt * np.arange(n_steps)) * dt
+
+
+def episode_sums(
+    problem: ControlProblem, policy: Callable[[Array], Array], states: Array, shares: Array, dt: float
+) -> Array:
+    """Sums (N,) of the reward rates times ``shares`` (steps,) over episodes under any policy.
+
+    They start at ``states`` (N, p), by RK4 with the control, (N, q), held for ``dt``.
+    """
+    x = as_states(states, problem.state_size)
+    total = np.zeros(len(x))
+    for share in shares:
+        u = policy(x)
+
+        def f(y: Array, u: Array = u) -> Array:
+            a, B = problem.drift_and_control_matrix(y)
+            return a + np.einsum("...pq,...q->...p", B, u)
+
+        total += share * problem.reward(x)
+        x = rk4_step(f, x, dt)
+    return total
+
+
 def require_euler(problem: ControlProblem) -> None:
     """Refuse a problem that is stepped by another method than its learner would use."""
-    integrator = getattr(problem, "integrator", "euler")
+    integrator: Any = getattr(problem, "integrator", "euler")
     if integrator != "euler":
         raise ValueError(
             f"this learner integrates by Euler's method, got integrator {integrator!r}; use ContinuousTD"

@@ -1,201 +1,114 @@
-"""How good is a policy, and how good is V: measured, not learned.
-
-Swimming speed has one meaning in this project: in the dm_control environment (MuJoCo, RK4 at 0.01 s, control held for
-0.01 s), from the 64 initial states of seed 0, the mean velocity of the centre of mass along the target direction over
-the last 10 of 20 seconds.
-"""
+"""How good is what a run has learned, and how good is its V: measured, not learned."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from typing import Any, NamedTuple
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
-from swimmer_mj import state as st
-from swimmer_mj.environments import suite
-from swimmer_mj.initial_states import random_initial_state
 from swimmer_mj.integrators import rk4_step
-from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.problems.problem import ControlProblem
-from swimmer_mj.parameters import SwimmerParameters
-from swimmer_mj.trajectory import Trajectory
+from swimmer_mj.intervals import known_interval, mean_and_interval
+from swimmer_mj.learning.problems.forms import EnvironmentForm, Policy
+from swimmer_mj.learning.problems.problem import (
+    DT,
+    EPISODE_DURATION,
+    SETTLING_TIME,
+    ControlProblem,
+    discount_shares,
+    episode_shares,
+)
+from swimmer_mj.learning.runs.run import evaluation_sample, evaluation_starts, load_policy
 
-__all__ = [
-    "EPISODE_DURATION",
-    "N_EPISODES",
-    "SETTLING_TIME",
-    "SwimmingSpeed",
-    "evaluate_swimming",
-    "evaluation_states",
-    "known_interval",
-    "mean_and_interval",
-    "mean_and_interval_text",
-    "monte_carlo_value",
-    "record_episode",
-]
+__all__ = ["Episode", "Score", "evaluate_run", "monte_carlo_value", "record_episode", "score"]
 
 Array = NDArray[np.float64]
-Agent = Callable[[Mapping[str, Any]], Array]
-
-N_EPISODES = 64
-"""Episodes in an evaluation."""
-EPISODE_DURATION = 20.0
-"""Length of each, s."""
-SETTLING_TIME = 10.0
-"""How much of each is left out, s: the start from a random state is not swimming."""
 
 
-class SwimmingSpeed(NamedTuple):
-    """Result of :func:`evaluate_swimming`."""
+class Score(NamedTuple):
+    """How good a policy is."""
 
-    speeds: Array
-    """Of each episode, shape (episodes,), m/s."""
-    mean: float
-    """m/s."""
-    ci95: tuple[float, float]
-    """Bootstrap 95 % interval (BCa) of the mean over episodes, m/s; nan for a single episode."""
-
-
-def evaluation_states(n_links: int, count: int = N_EPISODES) -> Array:
-    """The reduced initial states of an evaluation: those of seed 0; shape (count, 2n + 2)."""
-    return random_initial_state(np.random.default_rng(0), n_links, size=count)
+    measure: str
+    """What was measured, a word."""
+    unit: str
+    values: Array
+    """Of each episode."""
 
 
-def mean_and_interval(values: Array) -> tuple[float, tuple[float, float]]:
-    """Mean and its bootstrap 95 % interval (BCa, 10,000 resamples of fixed seed), which is nan for a single value."""
-    mean = float(values.mean())
-    if len(values) == 1:
-        return mean, (math.nan, math.nan)
-    if np.ptp(values) == 0:
-        return mean, (mean, mean)
-    interval = stats.bootstrap((values,), np.mean, n_resamples=9999, rng=np.random.default_rng(0))
-    return mean, (float(interval.confidence_interval.low), float(interval.confidence_interval.high))
+def score(policy: Policy, episodes: int, workers: int = 1) -> Score:
+    """In the problem's environment; without one, the mean reward rate of episodes by its equations."""
+    problem = policy.problem
+    environment = problem.form(EnvironmentForm)
+    if environment is not None:
+        values = environment.evaluate(policy, episodes, workers)
+        return Score(environment.measure, environment.unit, values)
+    shares = episode_shares(EPISODE_DURATION, SETTLING_TIME, DT)
+    return Score("reward", "", policy.episodes(evaluation_starts(problem)[:episodes], shares, DT))
 
 
-def known_interval(interval: tuple[float, float]) -> tuple[float, float] | None:
-    """``interval``, or None (null in JSON) where it is unknown."""
-    return None if math.isnan(interval[0]) else interval
-
-
-def mean_and_interval_text(values: Array, spec: str = "z.2f") -> str:
-    """Such as "1.20 [1.10, 1.31]"; of a single value, the value alone."""
+def evaluate_run(
+    directory: str | os.PathLike[str], which: Literal["best", "last"] = "best", episodes: int = 64
+) -> dict[str, Any]:
+    """The score of a run's policy; bias and error of its V against returns, by equation 1."""
+    policy, config, info = load_policy(directory, which)
+    problem = config.problem
+    # A process takes seconds to start.
+    name, unit, values = score(policy, episodes, (os.cpu_count() or 1) if episodes > 8 else 1)
     mean, interval = mean_and_interval(values)
-    if known_interval(interval) is None:
-        return f"{mean:{spec}}"
-    low, high = interval
-    return f"{mean:{spec}} [{low:{spec}}, {high:{spec}}]"
+    states = evaluation_sample(problem)
+    sample = policy.judge(states)
+    returns = policy.episodes(states, discount_shares(problem.s_gamma, 10.0 / problem.s_gamma, DT), DT)
+    return {
+        "run": str(Path(directory)),
+        "seed": config.seed,
+        "trials": info["trial"],
+        f"{name}_mean": mean,
+        f"{name}_ci95": known_interval(interval),
+        "measure": name,
+        "unit": unit,
+        "n_episodes": episodes,
+        "mean_value": float(sample.value.mean()),
+        "mean_squared_hamiltonian": float((sample.hamiltonian**2).mean()),
+        "mean_return": float(returns.mean()),
+        "value_bias": float((sample.value - returns).mean()),
+        "value_rmse": float(np.sqrt(((sample.value - returns) ** 2).mean())),
+    }
 
 
-def evaluate_swimming(
-    agent: Agent, parameters: SwimmerParameters, *, n_episodes: int = N_EPISODES, workers: int = 1
-) -> SwimmingSpeed:
-    """Swimming speed of an agent, as defined above.
+class Episode(NamedTuple):
+    """T steps of a problem under a policy."""
 
-    Parameters
-    ----------
-    agent : callable
-        From a batch of observations (a mapping of arrays with a leading axis of episodes) to as many actions.
-    parameters : SwimmerParameters
-        The swimmer.
-    n_episodes : int
-        How many of the initial states to use; all 64 by definition.
-    workers : int
-        Processes that share the episodes. More than one needs an agent that can be pickled and, as always with
-        processes that are spawned, a main module that can be imported.
-    """
-    states = evaluation_states(parameters.n_links, n_episodes)
-    if workers == 1:
-        speeds = _episode_speeds(agent, parameters, states)
-    else:
-        parts = np.array_split(states, min(workers, n_episodes))
-        with ProcessPoolExecutor(len(parts), mp_context=get_context("spawn")) as pool:
-            count = len(parts)
-            speeds = np.concatenate(
-                list(pool.map(_episode_speeds, [agent] * count, [parameters] * count, parts))
-            )
-    return SwimmingSpeed(speeds, *mean_and_interval(speeds))
+    problem: ControlProblem
+    times: Array
+    """s, (T + 1,)."""
+    states: Array
+    """(T + 1, p)."""
+    controls: Array
+    """(T, q)."""
+    rewards: Array
+    """Reward rates, (T + 1,)."""
+    values: Array
+    """(T + 1,)."""
+    hamiltonians: Array
+    """(T + 1,)."""
 
 
-def _episode_speeds(agent: Agent, parameters: SwimmerParameters, states: Array) -> Array:
-    """Speed of each of the episodes that start at ``states``, which are stepped side by side."""
-    remaining = iter(states)
-    environments = [
-        suite.swim(parameters, time_limit=EPISODE_DURATION, initial_states=lambda _: next(remaining))
-        for _ in states
-    ]
-    steps = [environment.reset() for environment in environments]
-    n_steps = round(EPISODE_DURATION / environments[0].control_timestep())
-    n_settling = round(SETTLING_TIME / environments[0].control_timestep())
-    rewards = np.zeros((n_steps, len(states)))
-    for t in range(n_steps):
-        batch = {key: np.stack([step.observation[key] for step in steps]) for key in steps[0].observation}
-        actions = agent(batch)
-        steps = [environment.step(a) for environment, a in zip(environments, actions, strict=True)]
-        rewards[t] = [step.reward for step in steps]
-    for environment in environments:
-        environment.physics.free()
-    return rewards[n_settling:].mean(axis=0)
-
-
-def record_episode(
-    policy: GreedyPolicy,
-    parameters: SwimmerParameters,
-    initial_state: Array,
-    duration: float = EPISODE_DURATION,
-    target_direction: Callable[[float], float] = lambda time: 0.0,
-) -> Trajectory:
-    """One episode of a policy in the dm_control environment, with V and H along it.
-
-    Parameters
-    ----------
-    policy : GreedyPolicy
-        For the target direction +x; it is given the state in the target's frame.
-    parameters : SwimmerParameters
-        The swimmer.
-    initial_state : ndarray, shape (2n + 2,)
-        Reduced initial state.
-    duration : float
-        s.
-    target_direction : callable
-        From time (s) to the angle to swim to (rad, from the x axis).
-    """
-    n = parameters.n_links
-    environment = suite.swim(parameters, time_limit=duration, initial_states=lambda _: initial_state)
-    environment.reset()
-    physics = environment.physics
-    n_steps = round(duration / environment.control_timestep())
-    times, states, controls, directions, values, hamiltonians = [], [], [], [], [], []
-    for t in range(n_steps + 1):
-        direction = target_direction(physics.time())
-        physics.set_target_direction(direction)
-        z = st.split_reduced(physics.reduced_state(), n)
-        judged = policy.judge(
-            st.join_reduced(z.angles - direction, z.angular_velocities, st.rotate(z.velocity, -direction))
-        )
-        times.append(physics.time())
-        states.append(physics.state_vector())
-        directions.append(direction)
-        values.append(judged.value)
-        hamiltonians.append(judged.hamiltonian)
-        if t < n_steps:
-            controls.append(judged.control)
-            environment.step(judged.control / parameters.torque_limits)
-    physics.free()
-    return Trajectory(
-        parameters,
-        np.array(times),
-        np.array(states),
-        np.array(controls),
-        np.array(directions),
-        np.array(values),
-        np.array(hamiltonians),
-    )
+def record_episode(policy: Policy, duration: float) -> Episode:
+    """An episode of ``duration`` seconds from the first start of an evaluation, stepped by the problem itself."""
+    problem = policy.problem
+    n_steps = round(duration / DT)
+    x = evaluation_starts(problem)[:1]
+    states, judged = [x], []
+    for _ in range(n_steps + 1):
+        judged.append(policy.judge(states[-1]))
+        states.append(problem.step(states[-1], judged[-1].control, DT))
+    states = np.concatenate(states[:-1])
+    controls, values, hamiltonians = (np.concatenate(column) for column in zip(*judged, strict=True))
+    times = DT * np.arange(n_steps + 1, dtype=np.float64)
+    return Episode(problem, times, states, controls[:-1], problem.reward(states), values, hamiltonians)
 
 
 def monte_carlo_value(

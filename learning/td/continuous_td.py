@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -26,17 +26,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from swimmer_mj.learning.networks.networks import ValueNetwork
+from swimmer_mj.learning.networks.policy import greedy_control, hamiltonian
+from swimmer_mj.learning.problems.forms import Moment
 from swimmer_mj.learning.problems.problem import ControlProblem
 from swimmer_mj.learning.td import vario_eta
 from swimmer_mj.learning.td.vario_eta import VarioEta
 
 __all__ = [
     "ContinuousTD",
-    "Learner",
-    "Moment",
     "TDSettings",
-    "greedy_control",
-    "hamiltonian",
     "trace_derivative",
     "value_and_gradients",
     "weight_derivative",
@@ -84,43 +82,6 @@ class TDSettings:
     def steps_per_trial(self) -> int:
         """Learning steps in a trial."""
         return round(self.trial_duration / self.dt)
-
-
-class Moment(NamedTuple):
-    """What the learner did at one state."""
-
-    control: Array
-    """u, shape (q,)."""
-    value: float
-    """V_w(x) before the update."""
-    hamiltonian: float
-    """H."""
-
-
-class Learner(Protocol):
-    """One step at a time; the caller moves the state. Both engines can."""
-
-    def start_trial(self) -> None:
-        """Zero traces."""
-        ...
-
-    def learn_at(self, x: Array) -> Moment:
-        """Update weights and traces at the state ``x``, shape (p,)."""
-        ...
-
-    def end_trial(self) -> None:
-        """Finish: the network's tensors are up to date."""
-        ...
-
-
-def greedy_control(B: Array, dVdx: Array, limits: Array) -> Array:
-    """argmax_u dV/dx . (a + B u): U_i sign([B^T dV/dx]_i), shape (..., q); 0 where either sign is as good."""
-    return limits * np.sign(np.einsum("...pq,...p->...q", B, dVdx))
-
-
-def hamiltonian(r: T, V: T, dVdx: Array, f: Array, s_gamma: float) -> T:
-    """H = r - s_gamma V + dV/dx . f, the continuous equivalent of Bellman's residual."""
-    return r - s_gamma * V + (dVdx * f).sum(axis=-1)
 
 
 def weight_derivative(eta: T, H: float, e: T) -> T:

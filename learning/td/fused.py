@@ -46,15 +46,15 @@ from swimmer_mj.compiled.vectors import (
     store,
 )
 from swimmer_mj.learning.networks.networks import Cascade
-from swimmer_mj.learning.problems.problem import ControlProblem, episode_steps, require_euler
-from swimmer_mj.learning.td.continuous_td import Moment, TDSettings
+from swimmer_mj.learning.problems.forms import CompiledForm, Moment
+from swimmer_mj.learning.problems.problem import ControlProblem, as_states, episode_steps, require_euler
+from swimmer_mj.learning.td.continuous_td import TDSettings
 
 __all__ = [
     "FusedTD",
     "Rollouts",
     "SampleStatistics",
     "TrialStatistics",
-    "as_states",
 ]
 
 Array = NDArray[np.float64]
@@ -435,14 +435,6 @@ def _compile(
     return _Kernel(train, forward, backward, learn_once, load_weights, store_weights, sample, rollout)
 
 
-def as_states(states: Array, p: int) -> Array:
-    """``states`` as compiled code reads them: (count, p), float64, contiguous."""
-    states = np.ascontiguousarray(states, dtype=np.float64)
-    if states.ndim != 2 or states.shape[1] != p:
-        raise ValueError(f"states must have shape (count, {p}), got {states.shape}")
-    return states
-
-
 def _workspace(n: int, m: int, p: int, q: int, dtype: Any, rate_each: bool) -> Workspace:
     P, R = round_up(n), round_up(max(n - 1, 1))
     T, W, none = (m + n, P), (n, R), (1, LANES)
@@ -483,7 +475,7 @@ class FusedTD:
             raise TypeError(
                 f"the fused kernel learns Cascade networks, got {type(network).__name__}; use ContinuousTD"
             )
-        compiled = problem.compile()
+        compiled = problem.form(CompiledForm)
         if compiled is None:
             raise ValueError(f"problem {problem.name!r} has no compiled form; use ContinuousTD")
         if network.n_inputs != problem.n_inputs:

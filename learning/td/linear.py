@@ -25,13 +25,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swimmer_mj.learning.problems.problem import ControlProblem, episode_steps, require_euler
+from swimmer_mj.learning.problems.forms import CompiledForm
+from swimmer_mj.learning.problems.problem import ControlProblem, as_states, episode_steps, require_euler
 from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.fused import (
     Rollouts,
     SampleStatistics,
     TrialStatistics,
-    as_states,
 )
 
 __all__ = ["Axis", "CompiledFeatures", "Features", "LinearTD", "RadialBasis", "TileCoding"]
@@ -523,7 +523,7 @@ class LinearTD:
         self.settings = settings = TDSettings() if settings is None else settings
         if settings.vario is not None:
             raise ValueError("LinearTD has one learning rate: settings.vario must be None")
-        compiled = problem.compile()
+        compiled = problem.form(CompiledForm)
         if compiled is None:
             raise ValueError(f"problem {problem.name!r} has no compiled form")
         if features.n_axes != problem.state_size:

@@ -34,8 +34,8 @@ from swimmer_mj.compiled.vectors import (
     splat,
     store,
 )
+from swimmer_mj.learning.problems.forms import CompiledForm, LanesForm
 from swimmer_mj.learning.problems.problem import ControlProblem, require_euler
-from swimmer_mj.learning.problems.swim.lanes import compiled_lanes
 from swimmer_mj.learning.td import vario_eta
 from swimmer_mj.learning.td.fused import FusedTD, TrialStatistics
 
@@ -294,7 +294,7 @@ def _compile(
 
 
 def _same_problem(a: ControlProblem, b: ControlProblem) -> bool:
-    one, other = a.compile(), b.compile()
+    one, other = a.form(CompiledForm), b.form(CompiledForm)
     assert one is not None  # or there would be no FusedTD of it
     assert other is not None
     return (
@@ -336,7 +336,7 @@ class PopulationTD:
                 raise ValueError("learners of a population must have one dt and one trial_duration")
         self.learners = list(learners)
         self.problem = problem
-        compiled = problem.compile()
+        compiled = problem.form(CompiledForm)
         assert compiled is not None  # or there would be no FusedTD of it
         self._constants, *functions = compiled
         self._limits = np.asarray(problem.control_limits, dtype=np.float64)
@@ -362,7 +362,7 @@ class PopulationTD:
         state = [np.zeros(shape) for shape in ((p,), (LANES, p), (LANES, p), (LANES, p, q))]
         lanes = [aligned_zeros((size * LANES,), np.float64) for size in (p, p, q, p, 1, 1, 1)]
         self._ws = Workspace(*real, *state, LanesWorkspace(*lanes))
-        self._lanes = compiled_lanes(problem)
+        self._lanes = problem.form(LanesForm)
         s_lambda = [learner.settings.s_lambda for learner in learners]
         self._s_lambda = np.array(s_lambda + [0.0] * (LANES - len(learners)))
 

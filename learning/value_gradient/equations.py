@@ -16,24 +16,22 @@ A round moves a batch of trajectories on by some steps, computes their targets, 
 minibatches of the loss (V - G)^2 + w sum_i S_i^2 (dV/dx_i - g_i)^2. S_i = 1 / |dz/dx_i| makes the errors of dV/dx those
 of the slope in network inputs z: it is 5 for an angular velocity that enters as 0.2 theta'.
 
-Here are the equations and the algorithm's constants; :mod:`swimmer_mj.learning.value_gradient.learner` has the learner,
-:mod:`swimmer_mj.learning.value_gradient.engines` what it needs done fast.
+Here are the equations; :mod:`~swimmer_mj.learning.value_gradient.settings` has the algorithm's constants,
+:mod:`~swimmer_mj.learning.value_gradient.learner` the learner, and :mod:`~swimmer_mj.learning.value_gradient.engines`
+what it needs done fast.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 __all__ = [
-    "RoundStatistics",
     "Targets",
-    "ValueGradientSettings",
     "costate",
     "lookahead",
     "targets",
@@ -41,9 +39,6 @@ __all__ = [
     "value_target",
     "weight_of_round",
 ]
-
-
-# Equations -------------------------------------------------------------------------------------------------------
 
 
 def lookahead(estimate: Tensor, target: Tensor, s_lambda: float, dt: float) -> Tensor:
@@ -118,98 +113,3 @@ def weight_of_round(k: int, share: float) -> float:
     the last ``share`` of them. Polynomial-decay averaging, Shamir and Zhang 2013 (arXiv:1212.1824).
     """
     return 1 / (k * share + 1)
-
-
-# Settings --------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class ValueGradientSettings:
-    """What defines a learner, besides its problem and its network. What changing a default does: docs/beyond.md."""
-
-    trajectories: int = 512
-    """N, in parallel."""
-    steps: int = 25
-    """T, steps of each of them in a round."""
-    dt: float = 0.01
-    """Euler step, s."""
-    trial_duration: float = 10.0
-    """A trajectory starts anew after this long, s, rounded to whole rounds."""
-    s_lambda: float = 1.0
-    """Decay of what is looked ahead, 1/s: 0 trusts the trajectory to its end, infinity the next state's estimate."""
-    value_weight: float = 1.0
-    """Of (V - G)^2 in the loss."""
-    slope_weight: float = 1.0
-    """w, of the gradient's error in the loss."""
-    flips: float = 0.0
-    """Probability that a control has its sign flipped for a step: exploration. None was better than some."""
-    minibatch: int = 512
-    """States in one step of Adam."""
-    passes: int = 1
-    """Over the states of a round; what is left after whole minibatches is left out."""
-    learning_rate: float = 2e-3
-    """Of Adam, in the first round."""
-    half_life: float = 500.0
-    """Rounds after which the learning rate is halved."""
-    final_rate: float = 1e-5
-    """Learning rate below which it does not fall."""
-    clip: float = 1.0
-    """Largest norm of a gradient step."""
-    averaged_share: float = 0.1
-    """The averaged weights, which are the result, are those of about this last share of all rounds."""
-
-    def __post_init__(self) -> None:
-        for name in ("trajectories", "steps", "minibatch", "passes"):
-            value = getattr(self, name)
-            if not (isinstance(value, int) and value >= 1):
-                raise ValueError(f"{name} must be an integer of at least 1, got {value!r}")
-        for name in ("dt", "trial_duration", "learning_rate", "half_life", "final_rate", "clip"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be positive and finite, got {value!r}")
-        for name in ("value_weight", "slope_weight"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"{name} must be finite and not negative, got {value!r}")
-        if not self.s_lambda >= 0:
-            raise ValueError(f"s_lambda must not be negative, got {self.s_lambda!r}")
-        if not 0 <= self.flips <= 0.5:
-            raise ValueError(f"flips must be in [0, 0.5], got {self.flips!r}")
-        if not 0 < self.averaged_share <= 1:
-            raise ValueError(f"averaged_share must be in (0, 1], got {self.averaged_share!r}")
-        if self.value_weight == self.slope_weight == 0:
-            raise ValueError("value_weight and slope_weight must not both be 0")
-        if self.steps * self.dt > self.trial_duration * (1 + 1e-9):
-            raise ValueError(
-                f"trial_duration must be at least steps x dt = {self.steps * self.dt:g} s, got {self.trial_duration}"
-            )
-        if self.minibatch > self.trajectories * self.steps:
-            raise ValueError(
-                "minibatch must be at most trajectories x steps = "
-                f"{self.trajectories * self.steps}, got {self.minibatch}"
-            )
-
-    @property
-    def steps_per_round(self) -> int:
-        """Simulation steps in a round."""
-        return self.trajectories * self.steps
-
-    def rate(self, round_number: int) -> float:
-        """Adam's learning rate in a round, from 0 on."""
-        return max(
-            min(self.final_rate, self.learning_rate),
-            self.learning_rate * 2 ** (-round_number / self.half_life),
-        )
-
-
-class RoundStatistics(NamedTuple):
-    """Means over a round."""
-
-    reward: float
-    """Reward rate along the trajectories."""
-    value: float
-    """V along them."""
-    value_error: float
-    """(V - G)^2."""
-    slope_error: float
-    """w sum_i S_i^2 (dV/dx_i - g_i)^2."""

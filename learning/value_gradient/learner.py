@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import torch
@@ -16,19 +16,28 @@ from numpy.typing import NDArray
 
 from swimmer_mj.learning.networks.networks import ValueNetwork
 from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.problems.problem import ControlProblem, episode_steps, require_euler
-from swimmer_mj.learning.td.fused import as_states
+from swimmer_mj.learning.problems.problem import ControlProblem, as_states, episode_shares, require_euler
 from swimmer_mj.learning.value_gradient.engines import engine_for
-from swimmer_mj.learning.value_gradient.equations import (
-    RoundStatistics,
-    ValueGradientSettings,
-    weight_of_round,
-)
+from swimmer_mj.learning.value_gradient.equations import weight_of_round
+from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
 
-__all__ = ["ValueGradientLearner"]
+__all__ = ["RoundStatistics", "ValueGradientLearner"]
 
 Array = NDArray[np.float64]
 Network = TypeVar("Network", bound=ValueNetwork)
+
+
+class RoundStatistics(NamedTuple):
+    """Means over a round."""
+
+    reward: float
+    """Reward rate along the trajectories."""
+    value: float
+    """V along them."""
+    value_error: float
+    """(V - G)^2."""
+    slope_error: float
+    """w sum_i S_i^2 (dV/dx_i - g_i)^2."""
 
 
 class ValueGradientLearner(Generic[Network]):
@@ -37,7 +46,7 @@ class ValueGradientLearner(Generic[Network]):
     Parameters
     ----------
     problem : ControlProblem
-        What to learn: a :class:`DifferentiableProblem`, or a problem of this package.
+        What to learn: it must have a TorchForm or a BatchForm (:mod:`swimmer_mj.learning.problems.forms`).
     network : ValueNetwork
         V_w, in float32 or float64. On a CUDA device, everything but the random draws happens there.
     settings : ValueGradientSettings
@@ -45,8 +54,8 @@ class ValueGradientLearner(Generic[Network]):
     seed : int
         Of the initial states, the flips and the minibatches. The network's initial weights are the caller's.
     engine : "auto", "compiled" or "torch"
-        "auto" compiles what can be: Cascade and Multilayer networks of the swimmer on a CPU, with a number of
-        trajectories and a minibatch that are multiples of 32.
+        "auto" compiles what can be: Cascade and Multilayer networks on a CPU, of problems with a BatchForm, as the
+        swimmer, with a number of trajectories and a minibatch that are multiples of 32.
     """
 
     def __init__(
@@ -179,19 +188,9 @@ class ValueGradientLearner(Generic[Network]):
         -------
         ndarray, shape (N,)
         """
-        n_steps, n_skip = episode_steps(duration, skip, dt)
-        counts = np.arange(n_steps) >= n_skip
         weights = self._average if averaged else self._weights
         states = as_states(initial_states, self.problem.state_size)
-        return self._engine.episodes(weights, states, counts / counts.sum(), dt)
-
-    @torch.no_grad()
-    def discounted_return(self, initial_states: Array, duration: float, dt: float = 0.01) -> Array:
-        """Equation 1 up to ``duration`` seconds from each initial state (N, p), by the averaged weights; (N,)."""
-        n_steps, _ = episode_steps(duration, 0.0, dt)
-        shares = np.exp(-self.problem.s_gamma * dt * np.arange(n_steps)) * dt
-        states = as_states(initial_states, self.problem.state_size)
-        return self._engine.episodes(self._average, states, shares, dt)
+        return self._engine.episodes(weights, states, episode_shares(duration, skip, dt), dt)
 
     def state_dict(self) -> dict[str, Any]:
         """All that resuming exactly needs: ``tensors`` (name -> Tensor) and ``info`` (JSON values)."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+import os
 import re
 import sys
 from collections.abc import Callable, Sequence
@@ -78,6 +79,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(_unboxed(complaint.getvalue())) if stop.code else 0
     from swimmer_mj.render.backend import BackendError, use_backend
 
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())  # as python -m does: there is module:Problem of one's own
     with contextlib.suppress(BackendError):
         use_backend()  # else dm_control looks for a screen when it is imported, also where nothing is drawn
     try:

@@ -18,11 +18,11 @@ from swimmer_mj.cli.output import (
     status,
 )
 from swimmer_mj.cli.pictures import Backend, render_run
-from swimmer_mj.cli.runs import evaluate_run, free_directory
+from swimmer_mj.cli.runs import free_directory
 from swimmer_mj.cli.training import train_runs
 
 if TYPE_CHECKING:
-    from swimmer_mj.learning.runs.trainer import TrainConfig
+    from swimmer_mj.learning.runs.config import RunConfig
 
 __all__ = ["DEMO_SECONDS", "DEMO_SPEED", "demo"]
 
@@ -51,7 +51,10 @@ def demo(
     # Before MuJoCo is imported, and before minutes of training: what cannot be drawn says so now
     use_backend(backend)
 
-    from swimmer_mj.learning.runs.trainer import LOG, TrainConfig, TrainingRun, value_gradient_config
+    from swimmer_mj.learning.runs.config import RunConfig, value_gradient_config
+    from swimmer_mj.learning.runs.evaluation import evaluate_run
+    from swimmer_mj.learning.runs.run import LOG, TrainingRun
+    from swimmer_mj.learning.td.method import ETA
     from swimmer_mj.validation import physics_report
 
     console = make_console(json)
@@ -66,7 +69,7 @@ def demo(
     console.rule("2. Learning: the value gradient, and beside it the paper's TD(λ), each on a core")
     out = free_directory(out)
     best = TrainingRun(out / "value-gradient", value_gradient_config(seed))
-    paper = TrainingRun(out / "td", TrainConfig(seed=seed))
+    paper = TrainingRun(out / "td", RunConfig(seed=seed))
     with status(console, "compiling"):
         _compile([best.config, paper.config])
     training = time.perf_counter()
@@ -82,7 +85,7 @@ def demo(
     print_evaluation(console, result)
 
     console.rule("4. Pictures")
-    eta = f"η = {paper.config.td.eta}"
+    eta = f"η = {ETA}"
     beside = [(f"TD(λ), {eta}", paper.directory / LOG)] if paper.history else []
     pictures = render_run(best.directory, best.directory, duration=13.0, fps=30, beside=beside)
     for path in pictures.values():
@@ -106,16 +109,15 @@ def demo(
         )
 
 
-def _compile(configs: Sequence[TrainConfig]) -> None:
+def _compile(configs: Sequence[RunConfig]) -> None:
     """Have numba compile what runs of ``configs`` need, by a little work whose result is dropped."""
     import numpy as np
 
-    from swimmer_mj.learning.runs.methods import make_learning
+    from swimmer_mj.learning.problems.problem import EPISODE_DURATION, SETTLING_TIME
 
     for config in configs:
-        problem = config.make_problem()
-        rng = np.random.default_rng(0)
-        learning = make_learning(config, problem, config.make_network(problem))
-        learning.learn(1, 0, rng)
-        learning.judge(problem.initial_states(rng, 1))
-        learning.rewards(problem.initial_states(rng, 1))
+        learning = config.method.start(config.problem, config.seed)
+        learning.learn(1)
+        states = config.problem.initial_states(np.random.default_rng(0), 1)
+        learning.judge(states)
+        learning.rewards(states, EPISODE_DURATION, SETTLING_TIME)

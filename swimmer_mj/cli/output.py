@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ __all__ = [
     "make_table",
     "print_checks",
     "print_evaluation",
+    "print_facts",
     "print_json",
     "print_line",
     "status",
@@ -86,15 +87,39 @@ def print_checks(console: Console, checks: Sequence[Any]) -> None:
     console.print(table)
 
 
+def print_facts(console: Console, facts: Mapping[str, Any]) -> None:
+    """A table of two columns: names, those of nested facts with dots, and values."""
+    from rich.text import Text
+
+    table = make_table(None, ("", ""))
+    table.columns[1].justify = "left"
+    for name, value in _flat(facts):
+        table.add_row(name, Text(value))
+    console.print(table)
+
+
+def _flat(facts: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    for name, value in facts.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        elif isinstance(value, list | tuple):
+            yield prefix + name, ", ".join(map(str, value))
+        else:
+            yield prefix + name, f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
 def print_evaluation(console: Console, result: dict[str, Any]) -> None:
-    """What :func:`swimmer_mj.cli.runs.evaluate_run` found, in two lines."""
+    """What :func:`swimmer_mj.learning.runs.evaluation.evaluate_run` found, in two lines."""
+    measure, unit = result["measure"], result["unit"]
+    name = "swimming speed" if measure == "speed" else f"mean {measure}"
+    of_V, of_H2 = (" m", " m²/s²") if measure == "speed" else ("", "")
     episodes = f"{result['n_episodes']} episode{'s' * (result['n_episodes'] > 1)}"
-    if (interval := result["speed_ci95"]) is not None:
+    if (interval := result[f"{measure}_ci95"]) is not None:
         episodes = f"95 % interval over {episodes}: {interval[0]:.3f} to {interval[1]:.3f}"
+    value = f"{result[f'{measure}_mean']:.3f} {unit}".strip()
     console.print(
-        f"seed {result['seed']}, {result['trials']:,} trials: swimming speed "
-        f"[bold]{result['speed_mean']:.3f} m/s[/bold] "
-        f"({episodes})\n"
-        f"<V> {result['mean_value']:.3f} m against a mean return of {result['mean_return']:.3f} m "
-        f"(root mean square error {result['value_rmse']:.3f} m), <H²> {result['mean_squared_hamiltonian']:.3f} m²/s²"
+        f"seed {result['seed']}, {result['trials']:,} trials: {name} [bold]{value}[/bold] ({episodes})\n"
+        f"<V> {result['mean_value']:.3f}{of_V} against a mean return of {result['mean_return']:.3f}{of_V} "
+        f"(root mean square error {result['value_rmse']:.3f}{of_V}), "
+        f"<H²> {result['mean_squared_hamiltonian']:.3f}{of_H2}"
     )

@@ -26,7 +26,7 @@ def render(
     backend: Backend | None = None,
     json: bool = False,
 ) -> None:
-    """Video, film strip, learning curve and plots of an episode of a trained run.
+    """Video, film strip, learning curve and plots of an episode of a trained run; of no swimmer, the curve and plots.
 
     Args:
         run: Run directory, or name of a pretrained policy such as swim5-paper.
@@ -66,39 +66,40 @@ def render_run(
     beside: Sequence[tuple[str, Path]] = (),
 ) -> dict[str, Path]:
     """Draw all there is to see of a run; the backend is chosen before."""
-    from swimmer_mj.learning.runs.evaluation import evaluation_states, record_episode
-    from swimmer_mj.learning.runs.trainer import LOG, load_policy
-    from swimmer_mj.render.curves import OPEN_LOOP_SPEED, learning_curve, rollout_plot
+    from swimmer_mj.learning.problems.forms import SwimmerForm
+    from swimmer_mj.learning.runs.run import LOG, load_policy
     from swimmer_mj.render.figures import save_figure
+
+    policy, config, _ = load_policy(directory, which)
+    label = getattr(config.method, "label", type(config.method).__name__)
+    logs = [(f"{label}, seed {config.seed}", directory / LOG), *beside]
+    swimmer = config.problem.form(SwimmerForm)
+    out.mkdir(parents=True, exist_ok=True)
+    paths = {"learning_curve": out / "learning-curve.png", "episode": out / "episode.png"}
+    if swimmer is None:
+        from swimmer_mj.learning.runs.evaluation import record_episode
+        from swimmer_mj.render.curves import episode_plot, learning_curve
+
+        save_figure(learning_curve(logs, measure="mean reward", units=None), paths["learning_curve"])
+        save_figure(episode_plot(record_episode(policy, duration)), paths["episode"])
+        return paths
+
+    from swimmer_mj.render.curves import OPEN_LOOP_SPEED, learning_curve, rollout_plot
     from swimmer_mj.render.strip import film_strip
     from swimmer_mj.render.video import frames, write_video
 
-    policy, config, _ = load_policy(directory, which)
-    if config.problem != "swim":
-        raise ValueError(f"{directory} learned {config.problem!r}; only swimmers are drawn")
-    n = config.parameters.n_links
-    reversal = duration * 5 / 13
-    trajectory = record_episode(
-        policy,
-        config.parameters,
-        evaluation_states(n)[0],
-        duration,
-        lambda now: 0.0 if now < reversal - 1e-9 else math.pi,
-    )
+    trajectory = swimmer.record(policy, duration)
     paths = {
         "video": out / "swimmer.mp4",
         "film_strip": out / "film-strip.png",
-        "learning_curve": out / "learning-curve.png",
-        "episode": out / "episode.png",
+        **paths,
         "trajectory": out / "trajectory.npz",
     }
-    out.mkdir(parents=True, exist_ok=True)
     trajectory.save(paths["trajectory"])
     write_video(paths["video"], frames(trajectory, fps=fps), fps)
     save_figure(film_strip(trajectory), paths["film_strip"])
-    label = "value gradient" if config.method == "value-gradient" else "TD(λ)"
-    logs = [(f"{label}, seed {config.seed}", directory / LOG), *beside]
-    save_figure(learning_curve(logs, reference_speed=OPEN_LOOP_SPEED.get(n)), paths["learning_curve"])
+    reference = OPEN_LOOP_SPEED.get(swimmer.parameters.n_links)
+    save_figure(learning_curve(logs, reference_speed=reference), paths["learning_curve"])
     save_figure(rollout_plot(trajectory), paths["episode"])
     return paths
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import json as json_module
-import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal
 
 from tyro.conf import Positional
 
-from swimmer_mj.cli.output import make_console, print_evaluation, print_json, print_line, status
+from swimmer_mj.cli.output import make_console, print_evaluation, print_facts, print_json, print_line, status
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,7 +17,6 @@ if TYPE_CHECKING:
 __all__ = [
     "Which",
     "evaluate",
-    "evaluate_run",
     "first_policy_directory",
     "free_directory",
     "info",
@@ -36,82 +33,60 @@ def evaluate(
     episodes: int = 64,
     json: bool = False,
 ) -> None:
-    """Swimming speed of a trained run in dm_control on MuJoCo, and how far V is from the returns it predicts.
+    """How good is what a run has learned, and how far is V from the returns it predicts.
+
+    A swimmer's swimming speed, in dm_control on MuJoCo; of another problem, the mean reward rate over the last 10 of
+    20 s.
 
     Args:
         run: Run directory; with several seeds in it, each is evaluated and the interval is over seeds. Or the name of
             a pretrained policy, such as swim5-paper.
-        which: The weights that were fastest while training, or the last.
+        which: The weights that were best while training, or the last.
         episodes: Episodes of 20 s; 64 by the definition of swimming speed.
         json: Print one JSON object.
     """
     if not 1 <= episodes <= 64:
         raise ValueError(f"--episodes must be between 1 and 64, got {episodes}")
+
+    from swimmer_mj.learning.runs.evaluation import evaluate_run
+
     console = make_console(json)
-    directories = policy_directories(run)
     results = []
-    for directory in directories:
+    for directory in policy_directories(run):
         with status(console, f"evaluating {directory}"):
             results.append(evaluate_run(directory, which, episodes))
         print_evaluation(console, results[-1])
     if len(results) == 1:
         (summary,) = results
     else:
-        import numpy as np
-
-        from swimmer_mj.learning.runs.evaluation import mean_and_interval
-
-        mean, interval = mean_and_interval(np.array([result["speed_mean"] for result in results]))
-        summary = {
-            "speed_mean": mean,
-            "speed_ci95": list(interval),
-            "n_episodes": episodes * len(results),
-            "n_seeds": len(results),
-            "runs": results,
-        }
+        summary = _over_seeds(results)
+        measure = summary["measure"]
+        mean, (low, high) = summary[f"{measure}_mean"], summary[f"{measure}_ci95"]
+        unit = results[0]["unit"]
         console.print(
-            f"{len(results)} seeds: {mean:.3f} m/s, 95 % interval {interval[0]:.3f} to {interval[1]:.3f}"
+            f"{len(results)} seeds: {mean:.3f} {unit}, 95 % interval {low:.3f} to {high:.3f}".replace(
+                "  ", " "
+            )
         )
     if json:
         print_json(summary)
 
 
-def evaluate_run(directory: Path, which: Which, episodes: int) -> dict[str, Any]:
-    """Speed of a run's policy on MuJoCo; bias and error of its V against returns, by equation 1."""
+def _over_seeds(results: list[dict[str, Any]]) -> dict[str, Any]:
+    """Mean and interval over the results of several seeds."""
     import numpy as np
 
-    from swimmer_mj.learning.networks.policy import SwimmingPolicy
-    from swimmer_mj.learning.runs.evaluation import evaluate_swimming, known_interval
-    from swimmer_mj.learning.runs.trainer import evaluation_sample, load_policy
-    from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
+    from swimmer_mj.intervals import mean_and_interval
 
-    policy, config, info = load_policy(directory, which)
-    if config.problem != "swim":
-        raise ValueError(
-            f"{directory} learned {config.problem!r}, and swimming speed is defined for swimmers only"
-        )
-    speed = evaluate_swimming(
-        SwimmingPolicy(policy),
-        config.parameters,
-        n_episodes=episodes,
-        workers=(os.cpu_count() or 1) if episodes > 8 else 1,  # a process takes seconds to start
-    )
-    states = evaluation_sample(policy.problem)
-    sample = policy.judge(states)
-    learner = ValueGradientLearner(policy.problem, policy.network)  # for its fast rollouts
-    returns = learner.discounted_return(states, duration=10.0 / config.s_gamma)
+    measure = results[0]["measure"]
+    mean, interval = mean_and_interval(np.array([result[f"{measure}_mean"] for result in results]))
     return {
-        "run": str(directory),
-        "seed": config.seed,
-        "trials": info["trial"],
-        "speed_mean": speed.mean,
-        "speed_ci95": known_interval(speed.ci95),
-        "n_episodes": episodes,
-        "mean_value": float(sample.value.mean()),
-        "mean_squared_hamiltonian": float((sample.hamiltonian**2).mean()),
-        "mean_return": float(returns.mean()),
-        "value_bias": float((sample.value - returns).mean()),
-        "value_rmse": float(np.sqrt(((sample.value - returns) ** 2).mean())),
+        "measure": measure,
+        f"{measure}_mean": mean,
+        f"{measure}_ci95": list(interval),
+        "n_episodes": sum(result["n_episodes"] for result in results),
+        "n_seeds": len(results),
+        "runs": results,
     }
 
 
@@ -122,13 +97,15 @@ def info(run: Positional[Path | None] = None, json: bool = False) -> None:
         run: Run directory or name of a pretrained policy, if any; with several seeds in it, each is described.
         json: Print one JSON object.
     """
+    console = make_console(json)
     if run is None:
         facts = _package_facts()
+        print_facts(console, facts)
     else:
         runs = [_run_facts(directory) for directory in policy_directories(run)]
+        for one in runs:
+            print_facts(console, one)
         facts = {**runs[0], "run": str(run)} if len(runs) == 1 else {"run": str(run), "runs": runs}
-    console = make_console(json)
-    console.print_json(json_module.dumps(facts))
     if json:
         print_json(facts)
 
@@ -137,12 +114,13 @@ def _package_facts() -> dict[str, Any]:
     """What this package offers."""
     import swimmer_mj
     from swimmer_mj.learning.pretrained import pretrained_names
-    from swimmer_mj.learning.runs.trainer import TrainConfig
+    from swimmer_mj.learning.runs.registry import METHODS, PROBLEMS
 
     return {
         "version": swimmer_mj.__version__,
         "tasks": list(swimmer_mj.SUITE),
-        "problems": list(get_args(get_type_hints(TrainConfig)["problem"])),
+        "problems": list(PROBLEMS),
+        "methods": list(METHODS),
         "pretrained": list(pretrained_names()),
         "paper": "R. Coulom (2002), Feedforward Neural Networks in Reinforcement Learning Applied to "
         "High-dimensional Motor Control",
@@ -152,7 +130,7 @@ def _package_facts() -> dict[str, Any]:
 
 def _run_facts(directory: Path) -> dict[str, Any]:
     """What the run in ``directory`` is, and how far it has come."""
-    from swimmer_mj.learning.runs.trainer import load_policy
+    from swimmer_mj.learning.runs.run import load_policy
 
     _, config, checkpoint = load_policy(directory)
     return {
@@ -164,7 +142,7 @@ def _run_facts(directory: Path) -> dict[str, Any]:
 
 def run_directories(path: Path) -> list[Path]:
     """``path`` itself if it is a run, or the runs seed-0, seed-1 .. in it."""
-    from swimmer_mj.learning.runs.trainer import CONFIG
+    from swimmer_mj.learning.runs.config import CONFIG
 
     if (path / CONFIG).is_file():
         return [path]

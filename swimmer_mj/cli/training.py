@@ -17,30 +17,32 @@ from swimmer_mj.cli.runs import run_directories
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from swimmer_mj.learning.runs.trainer import Report, TrainingRun
+    from swimmer_mj.learning.runs.config import RunConfig
+    from swimmer_mj.learning.runs.run import TrainingRun
+    from swimmer_mj.learning.runs.together import Report
 
 __all__ = ["parse_seeds", "train", "train_runs"]
 
 
 def train(
     out: Path,
-    method: Literal["td", "value-gradient"] = "td",
+    method: str = "td",
     seed: int = 0,
     seeds: str | None = None,
     trials: int | None = None,
     seconds: float | None = None,
     links: int | None = None,
     resume: bool = False,
-    problem: Literal["swim", "pendulum"] = "swim",
-    physics: Literal["analytic", "mujoco"] = "analytic",
-    engine: Literal["fused", "population", "torch"] | None = None,
+    problem: str = "swim",
+    physics: Literal["analytic", "mujoco"] | None = None,
+    engine: Literal["fused", "population", "compiled", "torch"] | None = None,
     neurons: int | None = None,
     eta: float | None = None,
     s_gamma: float | None = None,
-    s_lambda: float = 1.0,
+    s_lambda: float | None = None,
     vario_eta: bool = False,
-    dtype: Literal["float32", "float64"] = "float32",
-    device: Literal["cpu", "cuda"] = "cpu",
+    dtype: Literal["float32", "float64"] | None = None,
+    device: Literal["cpu", "cuda"] | None = None,
     evaluate_every: int | None = None,
     json: bool = False,
 ) -> None:
@@ -48,24 +50,26 @@ def train(
 
     Args:
         out: Run directory. Several seeds have out/seed-0 and so on.
-        method: td is the paper's continuous TD(lambda); value-gradient learns dV/dx as well, and is much faster.
+        method: td is the paper's continuous TD(lambda); value-gradient learns dV/dx as well, and is much faster. One's
+            own is module:Method (docs/extending.md).
         seed: Seed of initial weights and initial states.
         seeds: Several seeds instead, trained side by side: 0-7, or 1,4,9.
         trials: Stop at the first evaluation with at least this many trials.
         seconds: Stop after this many seconds. Without this and --trials: after 100,000 trials.
         links: Number of links of the swimmer; 5 by default, as in the paper.
         resume: Go on with the run that is in the directory, as it was configured.
-        problem: What to learn.
-        physics: Step the equations themselves, or the dm_control environment on MuJoCo (slower).
-        engine: One compiled learner at a time, up to 16 of them in the lanes of a processor's vectors, or the readable
-            reference in torch (slow). The default is population for more than 4 seeds, then the faster, else fused.
+        problem: What to learn: swim, pendulum, cart-pole. One's own is module:Problem (docs/extending.md).
+        physics: Step the equations themselves (the default), or the dm_control environment on MuJoCo (slower).
+        engine: Of td: one compiled learner at a time (fused), up to 16 of them in the lanes of a processor's vectors
+            (population), or the readable reference (torch, slow). Of value-gradient: compiled or torch. The fastest
+            that can be had is the default; for td, population with more than 4 seeds.
         neurons: Neurons of the cascade, the output counted; 60 by default for td, as in the paper. Without it,
             value-gradient has two layers of 64.
         eta: Learning rate of td; 0.16 by default, 0.04 with --vario-eta (paper: 0.01, which is slower).
         s_gamma: Shortness factor, 1/s; 1 by default for td, 0.5 for value-gradient.
-        s_lambda: Decay of eligibility besides s_gamma, 1/s.
+        s_lambda: Decay of eligibility besides s_gamma, 1/s; 1 by default.
         vario_eta: Adapt the rate of each weight by vario-eta, instead of scaling the output unit's.
-        dtype: Floating-point type of the network.
+        dtype: Floating-point type of the network; float32 by default.
         device: Where value-gradient computes; td learns on the CPU.
         evaluate_every: Trials, of 5 s of simulated time, between evaluations; 2,000 by default for td, else 1,000.
         json: Print one JSON object.
@@ -82,43 +86,28 @@ def train(
         raise ValueError(
             f"--resume goes on with the run's own configuration: leave out {', '.join(sorted(superfluous))}"
         )
-    if links is not None and problem != "swim":
-        raise ValueError(f"--links is for --problem swim, got --links {links} with --problem {problem}")
-    if method == "value-gradient" and (eta is not None or vario_eta):
-        raise ValueError(f"--{'vario-eta' if vario_eta else 'eta'} is for --method td")
 
-    from swimmer_mj.learning.runs.trainer import CONFIG, ETA, TrainConfig, TrainingRun, value_gradient_config
-    from swimmer_mj.learning.td.continuous_td import TDSettings
-    from swimmer_mj.learning.td.vario_eta import VarioEta
-    from swimmer_mj.parameters import PAPER, SwimmerParameters
+    from swimmer_mj.learning.runs.config import CONFIG
+    from swimmer_mj.learning.runs.run import TrainingRun
 
-    if eta is None:
-        eta = 0.04 if vario_eta else ETA  # with vario-eta 0.16 diverges
-    td = TDSettings(
-        eta=eta,
-        s_lambda=s_lambda,
-        output_scaling=not vario_eta,
-        vario=VarioEta() if vario_eta else None,
-    )
-    config = TrainConfig() if method == "td" else value_gradient_config(s_lambda=s_lambda)
-    given = {"neurons": neurons, "s_gamma": s_gamma, "evaluate_every": evaluate_every}
-    if neurons is not None:
-        given["layers"] = None
-    config = dataclasses.replace(
-        config,
-        problem=problem,
-        parameters=PAPER if links is None else SwimmerParameters(n_links=links),
-        td=td,
-        dtype=dtype,
-        device=device,
-        engine=engine
-        or ("population" if len(chosen) > 4 and physics == "analytic" and method == "td" else "fused"),
-        physics=physics,
-        **{name: value for name, value in given.items() if value is not None or name == "layers"},
-    )
     if resume:
         runs = [TrainingRun(directory, resume=True) for directory in run_directories(out)]
     else:
+        options: dict[str, Any] = {
+            "links": links,
+            "physics": physics,
+            "engine": engine,
+            "neurons": neurons,
+            "eta": eta,
+            "s_gamma": s_gamma,
+            "s_lambda": s_lambda,
+            "vario_eta": vario_eta or None,
+            "dtype": dtype,
+            "device": device,
+        }
+        given = {name: value for name, value in options.items() if value is not None}
+        config = _configured(problem, method, given, len(chosen))
+        config = dataclasses.replace(config, evaluate_every=evaluate_every or config.evaluate_every)
         directories = [out] if seeds is None else [out / f"seed-{s}" for s in chosen]
         for directory in directories:  # all of them before the first is written to
             if directory.exists() and not directory.is_dir():
@@ -156,6 +145,33 @@ def _typed(values: dict[str, Any]) -> set[str]:
     }
 
 
+def _configured(problem: str, method: str, options: dict[str, Any], count: int) -> RunConfig:
+    """``count`` runs of a problem and a method by their names, with the options that belong to either."""
+    from swimmer_mj.learning.method import TeamMethod
+    from swimmer_mj.learning.runs.config import RunConfig
+    from swimmer_mj.learning.runs.registry import METHODS, PROBLEMS, find
+
+    kinds = find(problem, PROBLEMS, "problem"), find(method, METHODS, "method")
+    makers = [getattr(kind, "from_options", kind) for kind in kinds]
+    known = [inspect.signature(make).parameters.keys() for make in makers]
+    for name in options:
+        if not any(name in names for names in known):
+            option = "--" + name.replace("_", "-")
+            raise ValueError(f"{option} is no option of problem {problem!r}, nor of method {method!r}")
+    if problem in PROBLEMS and "s_gamma" in known[0]:
+        recommended = getattr(kinds[1], "s_gamma", None)
+        options = options if recommended is None else {"s_gamma": recommended, **options}
+    made_problem, made_method = (
+        make(**{name: value for name, value in options.items() if name in names})
+        for make, names in zip(makers, known, strict=True)
+    )
+    if isinstance(made_method, TeamMethod):
+        made_method = made_method.for_seeds(made_problem, count)
+    every = getattr(kinds[1], "evaluate_every", None)
+    config = RunConfig(made_problem, made_method)
+    return config if every is None else dataclasses.replace(config, evaluate_every=every)
+
+
 def train_runs(
     console: Console,
     runs: Sequence[TrainingRun],
@@ -168,12 +184,16 @@ def train_runs(
     import torch
     from rich.markup import escape
 
-    from swimmer_mj.learning.runs.trainer import train_together
+    from swimmer_mj.learning.problems.forms import SwimmerForm
+    from swimmer_mj.learning.runs.together import train_together
 
     torch.set_num_threads(1)  # the learners are the parallelism
     started = time.monotonic()
     news: dict[int, dict[str, str]] = {id(run): {"run": run.directory.name} for run in runs}
-    columns = ("run", "trials", "trials/s", "elapsed", "<V>", "<H²>", "speed", "best")
+    swimmers = all(run.problem.form(SwimmerForm) is not None for run in runs)
+    speed = "speed" if swimmers else "reward"
+    in_m, in_m2_s2, in_m_s = (" m", " m²/s²", " m/s") if swimmers else ("", "", "")
+    columns = ("run", "trials", "trials/s", "elapsed", "<V>", "<H²>", speed, "best")
 
     def table() -> Any:
         drawn = make_table(None, columns)
@@ -190,10 +210,10 @@ def train_runs(
                 row["trials"] = f"{report.progress.trial:,}"
                 row["trials/s"] = f"{report.progress.trials_per_second:.0f}"
             if report.metrics is not None:
-                row["<V>"] = f"{report.metrics.mean_value:.3f} m"
-                row["<H²>"] = f"{report.metrics.mean_squared_hamiltonian:.3f} m²/s²"
-                row["speed"] = f"{report.metrics.speed:.3f} m/s"
-                row["best"] = f"{report.run.best_speed:.3f} m/s"
+                row["<V>"] = f"{report.metrics.mean_value:.3f}{in_m}"
+                row["<H²>"] = f"{report.metrics.mean_squared_hamiltonian:.3f}{in_m2_s2}"
+                row[speed] = f"{report.metrics.speed:.3f}{in_m_s}"
+                row["best"] = f"{report.run.best_speed:.3f}{in_m_s}"
                 if live is None:
                     line = "  ".join(f"{column} {row[column]}" for column in columns if column in row)
                     print_line(console, line)

@@ -57,16 +57,18 @@ def lacks_screen() -> str | None:
 def _open_viewer(task: str, run: Path | None, which: Which, seed: int) -> None:
     """Open the viewer, until its window is closed; the backend is chosen before."""
     console = make_console(False)
-    policy, config = None, None
+    policy, swimmer = None, None
     if run is not None:
-        from swimmer_mj.learning.networks.policy import SwimmingPolicy
-        from swimmer_mj.learning.runs.trainer import load_policy
+        from swimmer_mj.learning.problems.forms import SwimmerForm
+        from swimmer_mj.learning.problems.swim.environment import SwimmingPolicy
+        from swimmer_mj.learning.runs.run import load_policy
 
         directory = first_policy_directory(run, console)
         greedy, config, _ = load_policy(directory, which)
-        if config.problem != "swim":
-            raise ValueError(f"{directory} learned {config.problem!r}; only swimmers are shown")
-        if (n := config.parameters.n_links) != int(task[-1]):
+        swimmer = config.problem.form(SwimmerForm)
+        if swimmer is None:
+            raise ValueError(f"{directory} learned {config.problem.name!r}; only swimmers are shown")
+        if (n := swimmer.parameters.n_links) != int(task[-1]):
             raise ValueError(f"{directory} learned to move {n} links, and {task} has {task[-1]}")
         policy = SwimmingPolicy(greedy)
 
@@ -76,8 +78,8 @@ def _open_viewer(task: str, run: Path | None, which: Which, seed: int) -> None:
     import swimmer_mj
 
     task_kwargs: dict[str, Any] = {"random": seed, "time_limit": float("inf")}
-    if config is not None:
-        task_kwargs["params"] = config.parameters
+    if swimmer is not None:
+        task_kwargs["params"] = swimmer.parameters
     env = swimmer_mj.load(task, task_kwargs=task_kwargs)
     rng, shape = np.random.default_rng(seed), env.action_spec().shape
 

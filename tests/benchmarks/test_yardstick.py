@@ -7,7 +7,7 @@ import numpy as np
 import robustness
 import yardstick
 
-from swimmer_mj.learning.runs.evaluation import evaluate_swimming, evaluation_states
+from swimmer_mj.learning.problems.swim.environment import evaluate_swimming, evaluation_states
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from swimmer_mj.environments import suite
 from swimmer_mj.learning import load_pretrained
 from swimmer_mj.learning.pretrained import pretrained_card, pretrained_directory, pretrained_names
-from swimmer_mj.learning.runs.evaluation import evaluate_swimming
+from swimmer_mj.learning.problems.swim.environment import evaluate_swimming
 
 N_EPISODES = 12
 

@@ -5,7 +5,7 @@ import pytest
 
 from swimmer_mj.learning.experiments import what_decides
 from swimmer_mj.learning.experiments.tables import write_table
-from swimmer_mj.learning.runs.trainer import Metrics
+from swimmer_mj.learning.runs.run import Metrics
 from swimmer_mj.render.long_runs import draw_long_runs, draw_what_decides
 
 

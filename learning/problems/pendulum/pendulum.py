@@ -8,25 +8,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import torch
-from numba import njit
 from numpy.typing import NDArray
 
-from swimmer_mj.learning.problems.problem import CompiledProblem, step_by_euler
+from swimmer_mj.learning.problems.forms import CompiledForm, TorchForm
+from swimmer_mj.learning.problems.problem import step_by_euler
 
-__all__ = ["Pendulum"]
+__all__ = ["RATE_SCALE", "Constants", "Pendulum"]
 
 Array = NDArray[np.float64]
+Form = TypeVar("Form")
 
 RATE_SCALE = 0.2
 """theta' is scaled by this as a network input, so that it is of order one (chosen)."""
 
 
-class _Constants(NamedTuple):
+class Constants(NamedTuple):
+    """Of the equations: kg·m², N·m, N·m·s."""
+
     inertia: float
     weight_moment: float
     damping: float
@@ -63,13 +65,14 @@ class Pendulum:
         return np.array([self.torque_limit])
 
     @property
-    def _constants(self) -> _Constants:
+    def constants(self) -> Constants:
+        """What the equations need."""
         m, l, g = self.mass, self.length, self.gravity
-        return _Constants(m * l**2, m * g * l, self.damping)
+        return Constants(m * l**2, m * g * l, self.damping)
 
     def drift_and_control_matrix(self, x: Array) -> tuple[Array, Array]:
         """a(x), shape (..., 2), and B(x), shape (..., 2, 1)."""
-        constants = self._constants
+        constants = self.constants
         theta, theta_dot = x[..., 0], x[..., 1]
         moment = constants.weight_moment * np.sin(theta) - constants.damping * theta_dot
         a = np.stack([theta_dot, moment / constants.inertia], axis=-1)
@@ -93,32 +96,11 @@ class Pendulum:
         theta, theta_dot = x[..., 0], x[..., 1]
         return torch.stack([torch.cos(theta), torch.sin(theta), RATE_SCALE * theta_dot], dim=-1)
 
-    def compile(self) -> CompiledProblem:
-        """The pendulum for the fused kernel."""
-        return CompiledProblem(self._constants, *_compiled_functions())
+    def form(self, kind: type[Form]) -> Form | None:
+        """The pendulum in another form; of a subclass, which may have equations or a reward of its own, none."""
+        if type(self) is not Pendulum:
+            return None
+        from swimmer_mj.learning.problems.pendulum import scalar, torch_form
 
-
-@lru_cache(maxsize=1)
-def _compiled_functions() -> tuple[Any, Any, Any, Any]:
-    @njit(error_model="numpy")
-    def dynamics(constants: _Constants, x: Array, a: Array, B: Array) -> None:
-        a[0] = x[1]
-        a[1] = (constants.weight_moment * math.sin(x[0]) - constants.damping * x[1]) / constants.inertia
-        B[1, 0] = 1.0 / constants.inertia
-
-    @njit(error_model="numpy")
-    def reward(constants: _Constants, x: Array) -> float:
-        return math.cos(x[0])
-
-    @njit(error_model="numpy")
-    def inputs(x: Array, z: NDArray[Any]) -> None:
-        z[0] = math.cos(x[0])
-        z[1] = math.sin(x[0])
-        z[2] = RATE_SCALE * x[1]
-
-    @njit(error_model="numpy")
-    def input_pullback(z: NDArray[Any], dVdz: NDArray[Any], dVdx: Array) -> None:
-        dVdx[0] = z[0] * dVdz[1] - z[1] * dVdz[0]
-        dVdx[1] = RATE_SCALE * dVdz[2]
-
-    return dynamics, reward, inputs, input_pullback
+        make = {TorchForm: torch_form.make, CompiledForm: scalar.make}.get(kind)
+        return None if make is None else make(self)  # pyright: ignore[reportReturnType] - of the kind asked for

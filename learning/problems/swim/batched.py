@@ -19,6 +19,7 @@ compiled once for any number of links, and numba keeps the result on disk.
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,13 +28,16 @@ from numpy.typing import NDArray
 
 from swimmer_mj.compiled.simd import OPTIONS, cos_sin, sign
 from swimmer_mj.compiled.vectors import LANES, aligned_zeros, load, splat, store
-from swimmer_mj.learning.problems.swim.reduced import ReducedConstants
+from swimmer_mj.learning.problems.forms import BatchForm, Encoding
+from swimmer_mj.learning.problems.swim.reduced import ReducedConstants, reduced_constants
+from swimmer_mj.learning.problems.swim.swimming import RATE_SCALE, Swimming
 
 __all__ = [
     "Workspace",
     "derivative_of_lanes",
     "greedy_rk4",
     "greedy_step",
+    "make",
     "pullback",
     "targets",
     "workspace",
@@ -405,3 +409,23 @@ def targets(
             for b in range(N):
                 g[i, b] = discount * g[i, b] + (dt if i == velocity else 0.0)
                 out[t, i, b] = g[i, b]
+
+
+def make(problem: Swimming) -> BatchForm | None:
+    """The swimmer for batches of trajectories; None with raw angles as inputs, or stepped by RK4."""
+    if problem.encoding != "circle" or problem.integrator != "euler":
+        return None
+    n = problem.parameters.n_links
+    angles, linear = np.arange(n), np.arange(n, 2 * n + 2)
+    encoding = Encoding(
+        angles, angles, n + angles, linear, linear + n, np.array([RATE_SCALE] * n + [1.0, 1.0])
+    )
+    ws, constants = workspace(n), reduced_constants(problem.parameters)
+    limits = problem.control_limits
+    return BatchForm(
+        encoding,
+        partial(greedy_step, ws, constants, limits),
+        partial(greedy_rk4, ws, constants, limits),
+        partial(targets, ws, constants),
+        lambda x: x[..., 2 * n, :],
+    )

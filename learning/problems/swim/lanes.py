@@ -9,8 +9,7 @@ The equations are those of :mod:`swimmer_mj.learning.problems.swim.batched`, the
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -18,35 +17,23 @@ from numpy.typing import NDArray
 
 from swimmer_mj.compiled.simd import OPTIONS, convert, cos_sin
 from swimmer_mj.compiled.vectors import LANES, load, store
-from swimmer_mj.learning.problems.problem import ControlProblem
+from swimmer_mj.learning.problems.forms import LanesForm
 from swimmer_mj.learning.problems.swim.batched import derivative_of_lanes, workspace
 from swimmer_mj.learning.problems.swim.reduced import reduced_constants
 from swimmer_mj.learning.problems.swim.swimming import RATE_SCALE, Swimming
 
-__all__ = ["CompiledLanes", "compiled_lanes"]
+__all__ = ["make"]
 
 Array = NDArray[np.float64]
 Real = NDArray[Any]
 
 
-class CompiledLanes(NamedTuple):
-    """A problem as numba functions of LANES states: number i of each stands at [i LANES, (i + 1) LANES)."""
-
-    constants: Any
-    greedy: Callable[..., None]
-    """(constants, limits, x, dVdx, u, f, r): fill the greedy control u, f = a + B u and the reward r."""
-    encode: Callable[..., None]
-    """(constants, x, z, start): fill the inputs, ``z.flat[start:]``, in the learner's dtype."""
-    pull_back: Callable[..., None]
-    """(constants, z, start, dVdz, dVdx): fill dVdx with (dz/dx)^T dVdz."""
-
-
-def compiled_lanes(problem: ControlProblem) -> CompiledLanes | None:
-    """The problem for a pack; None if it has to be asked for one state at a time."""
-    if type(problem) is not Swimming or problem.encoding != "circle" or problem.integrator != "euler":
+def make(problem: Swimming) -> LanesForm | None:
+    """The swimmer for a pack; None if it has to be asked for one state at a time."""
+    if problem.encoding != "circle" or problem.integrator != "euler":
         return None
     constants = (workspace(problem.parameters.n_links), reduced_constants(problem.parameters))
-    return CompiledLanes(constants, _greedy, _encode, _pull_back)
+    return LanesForm(constants, _greedy, _encode, _pull_back)
 
 
 @njit(**OPTIONS)

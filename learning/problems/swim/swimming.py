@@ -2,32 +2,42 @@
 
 The target direction is the x axis; by symmetry a policy for it swims in any direction, given the state in a frame
 that is turned. The reward is the velocity of the centre of mass along x (A.4).
+
+Here the problem is stated in NumPy, by A.3 or by MuJoCo. The other files of this folder have its other forms.
 """
 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
-from typing import Any, Literal
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 import torch
-from numba import njit
 from numpy.typing import NDArray
 
 from swimmer_mj import state as st
 from swimmer_mj.analytic import AnalyticSwimmer
-from swimmer_mj.compiled.vectors import cos_sin
-from swimmer_mj.dynamics import Dynamics
+from swimmer_mj.dynamics import Dynamics, MujocoSwimmer
 from swimmer_mj.initial_states import InitialLaw, random_initial_state
 from swimmer_mj.integrators import euler_step, rk4_step
-from swimmer_mj.learning.problems.problem import CompiledProblem
-from swimmer_mj.learning.problems.swim.reduced import compile_reduced_dynamics, reduced_constants
+from swimmer_mj.learning.problems.forms import (
+    BatchForm,
+    CompiledForm,
+    EnvironmentForm,
+    LanesForm,
+    SwimmerForm,
+    TorchForm,
+    TrialsForm,
+)
+from swimmer_mj.learning.problems.problem import require_choices
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
-__all__ = ["Swimming"]
+__all__ = ["RATE_SCALE", "TURN", "Swimming"]
 
 Array = NDArray[np.float64]
+Form = TypeVar("Form")
 
 RATE_SCALE = 0.2
 """theta' is scaled by this as a network input, so that it is of order one (chosen)."""
@@ -37,51 +47,48 @@ TURN = 2 * math.pi
 """rad."""
 
 
+@dataclass(frozen=True)
 class Swimming:
-    """Swim along x as fast as possible. State z as in :mod:`swimmer_mj.state`, control: torques, N·m.
+    """Swim along x as fast as possible. State z as in :mod:`swimmer_mj.state`, control: torques, N·m."""
 
-    Parameters
-    ----------
-    parameters : SwimmerParameters
-        The swimmer.
-    s_gamma : float
-        Shortness factor, 1/s (left open by the paper; 1 was seen to learn).
-    dynamics : Dynamics, optional
-        Who computes drift and control matrix; :class:`AnalyticSwimmer` by default.
-    integrator : "euler" or "rk4"
-        "euler" steps the reduced variables (section 4); "rk4" steps the full state, as MuJoCo's RK4 does.
-    encoding : {"circle", "angle"}
-        Inputs for each angle: its cosine and sine (chosen), or the angle itself in [-pi, pi].
-    initial_law : InitialLaw
-        See :func:`swimmer_mj.initial_states.random_initial_state`.
-    """
+    parameters: SwimmerParameters = PAPER
+    """The swimmer."""
+    s_gamma: float = 1.0
+    """Shortness factor, 1/s (left open by the paper; 1 was seen to learn by TD(lambda), 0.5 by value gradients)."""
+    physics: Literal["analytic", "mujoco"] = "analytic"
+    """Who computes drift and control matrix: A.3, or MuJoCo. With "mujoco", TD(lambda) learns in dm_control itself."""
+    integrator: Literal["euler", "rk4"] = "euler"
+    """"euler" steps the reduced variables (section 4); "rk4" steps the full state, as MuJoCo's RK4 does."""
+    encoding: Literal["circle", "angle"] = "circle"
+    """Inputs for each angle: its cosine and sine (chosen), or the angle itself in [-pi, pi]."""
+    initial_law: InitialLaw = "moderate"
+    """See :func:`swimmer_mj.initial_states.random_initial_state`."""
 
-    def __init__(
-        self,
-        parameters: SwimmerParameters = PAPER,
-        s_gamma: float = 1.0,
-        dynamics: Dynamics | None = None,
-        integrator: Literal["euler", "rk4"] = "euler",
-        *,
-        encoding: Literal["circle", "angle"] = "circle",
-        initial_law: InitialLaw = "moderate",
-    ) -> None:
-        if parameters.n_links < 2:
+    named: ClassVar[str] = "swim"
+
+    def __post_init__(self) -> None:
+        require_choices(self)
+        if self.parameters.n_links < 2:
             raise ValueError(
-                f"a swimmer needs at least 2 links to have a joint to move, got {parameters.n_links}"
+                f"a swimmer needs at least 2 links to have a joint to move, got {self.parameters.n_links}"
             )
-        if not (math.isfinite(s_gamma) and s_gamma > 0):
-            raise ValueError(f"s_gamma must be positive and finite, got {s_gamma!r}")
-        if integrator not in ("euler", "rk4"):
-            raise ValueError(f"integrator must be 'euler' or 'rk4', got {integrator!r}")
-        if encoding not in ("circle", "angle"):
-            raise ValueError(f"encoding must be 'circle' or 'angle', got {encoding!r}")
-        self.encoding = encoding
-        self.initial_law: InitialLaw = initial_law
-        self.parameters = parameters
-        self.s_gamma = s_gamma
-        self.dynamics: Dynamics = AnalyticSwimmer(parameters) if dynamics is None else dynamics
-        self.integrator = integrator
+        if not (math.isfinite(self.s_gamma) and self.s_gamma > 0):
+            raise ValueError(f"s_gamma must be positive and finite, got {self.s_gamma!r}")
+
+    @classmethod
+    def from_options(
+        cls,
+        links: int = PAPER.n_links,
+        s_gamma: float = 1.0,
+        physics: Literal["analytic", "mujoco"] = "analytic",
+    ) -> Self:
+        """The problem by the options of the command line."""
+        return cls(SwimmerParameters(n_links=links), s_gamma, physics)
+
+    @cached_property
+    def dynamics(self) -> Dynamics:
+        """The equations of motion in the full state."""
+        return (AnalyticSwimmer if self.physics == "analytic" else MujocoSwimmer)(self.parameters)
 
     @property
     def name(self) -> str:
@@ -143,49 +150,20 @@ class Swimming:
             return torch.cat([wrapped, RATE_SCALE * theta_dot, velocity], dim=-1)
         return torch.cat([torch.cos(theta), torch.sin(theta), RATE_SCALE * theta_dot, velocity], dim=-1)
 
-    def compile(self) -> CompiledProblem:
-        """The swimmer for the fused kernel, with the reduced equations."""
-        n = self.parameters.n_links
-        functions = _compiled_functions(n, self.encoding == "circle")
-        return CompiledProblem(reduced_constants(self.parameters), compile_reduced_dynamics(n), *functions)
+    def form(self, kind: type[Form]) -> Form | None:
+        """The swimmer in another form; of a subclass, which may have equations or a reward of its own, none."""
+        if type(self) is not Swimming:
+            return None
+        # Each form in a file of its own, imported when it is asked for
+        from swimmer_mj.learning.problems.swim import batched, environment, lanes, scalar, torch_form
 
-
-@lru_cache(maxsize=16)
-def _compiled_functions(n: int, circle: bool) -> tuple[Any, Any, Any]:
-    @njit(error_model="numpy")
-    def reward(constants: Any, x: Array) -> float:
-        return x[2 * n]
-
-    @njit(error_model="numpy")
-    def inputs(x: Array, z: NDArray[Any]) -> None:
-        for i in range(n):
-            z[i], z[n + i] = cos_sin(x[i])
-            z[2 * n + i] = RATE_SCALE * x[n + i]
-        z[3 * n] = x[2 * n]
-        z[3 * n + 1] = x[2 * n + 1]
-
-    @njit(error_model="numpy")
-    def input_pullback(z: NDArray[Any], dVdz: NDArray[Any], dVdx: Array) -> None:
-        for i in range(n):
-            dVdx[i] = z[i] * dVdz[n + i] - z[n + i] * dVdz[i]
-            dVdx[n + i] = RATE_SCALE * dVdz[2 * n + i]
-        dVdx[2 * n] = dVdz[3 * n]
-        dVdx[2 * n + 1] = dVdz[3 * n + 1]
-
-    @njit(error_model="numpy")
-    def angle_inputs(x: Array, z: NDArray[Any]) -> None:
-        for i in range(n):
-            z[i] = x[i] - TURN * np.rint(x[i] / TURN)
-            z[n + i] = RATE_SCALE * x[n + i]
-        z[2 * n] = x[2 * n]
-        z[2 * n + 1] = x[2 * n + 1]
-
-    @njit(error_model="numpy")
-    def angle_pullback(z: NDArray[Any], dVdz: NDArray[Any], dVdx: Array) -> None:
-        for i in range(n):
-            dVdx[i] = dVdz[i]
-            dVdx[n + i] = RATE_SCALE * dVdz[n + i]
-        dVdx[2 * n] = dVdz[2 * n]
-        dVdx[2 * n + 1] = dVdz[2 * n + 1]
-
-    return (reward, inputs, input_pullback) if circle else (reward, angle_inputs, angle_pullback)
+        make = {
+            TorchForm: torch_form.make,
+            CompiledForm: scalar.make,
+            LanesForm: lanes.make,
+            BatchForm: batched.make,
+            EnvironmentForm: environment.judged,
+            SwimmerForm: environment.drawn,
+            TrialsForm: environment.learned,
+        }.get(kind)
+        return None if make is None else make(self)  # pyright: ignore[reportReturnType] - of the kind asked for

@@ -15,8 +15,8 @@ from swimmer_mj.learning.experiments.tables import read_table, rows_where, write
 from swimmer_mj.learning.experiments.value_bias import value_error
 from swimmer_mj.learning.networks.layered import Layered
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer
-from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
-from swimmer_mj.learning.problems.swim.swimming import Swimming
+from swimmer_mj.learning.problems.pendulum import Pendulum
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
 from swimmer_mj.learning.td.hamiltonian import hamiltonian_by_difference, second_order_term, switches

@@ -5,7 +5,7 @@ import pytest
 
 from swimmer_mj.learning.experiments import section_3_3, summaries, value_gradients, what_decides
 from swimmer_mj.learning.experiments.tables import read_table, write_table
-from swimmer_mj.learning.runs.trainer import Metrics
+from swimmer_mj.learning.runs.run import Metrics
 
 LONG_RUNS = ("preset", "seed", *Metrics._fields)
 

@@ -5,7 +5,7 @@ import pytest
 
 from swimmer_mj.learning.experiments import value_gradients as studies
 from swimmer_mj.learning.experiments.tables import read_table, write_table
-from swimmer_mj.learning.runs.trainer import value_gradient_config
+from swimmer_mj.learning.runs.config import value_gradient_config
 
 TINY = studies.variant(
     "batch", "tiny", trajectories=32, steps=4, minibatch=32, layers=(8, 8), trial_duration=0.08

@@ -5,14 +5,14 @@ import pytest
 import torch
 
 from swimmer_mj.learning.networks.networks import Multilayer
-from swimmer_mj.learning.problems.cart_pole.cart_pole import cart_pole
-from swimmer_mj.learning.value_gradient.equations import ValueGradientSettings
+from swimmer_mj.learning.problems.cart_pole import CartPole
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
+from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
 
 
 def test_energy_changes_by_the_power_of_the_force():
     M, m, l, g = 1.3, 0.2, 0.6, 9.8
-    problem = cart_pole(M, m, l, g)
+    problem = CartPole(M, m, l, g)
 
     def energy(x):
         _, v, theta, omega = x.unbind(-1)
@@ -28,7 +28,7 @@ def test_energy_changes_by_the_power_of_the_force():
 
 
 def test_swings_up_and_stays_on_the_track():
-    problem = cart_pole()
+    problem = CartPole()
     network = Multilayer(problem.n_inputs, (32, 32), generator=torch.Generator().manual_seed(0))
     settings = ValueGradientSettings(
         trajectories=64,
@@ -57,4 +57,4 @@ def test_swings_up_and_stays_on_the_track():
 )
 def test_refuses(arguments, message):
     with pytest.raises(ValueError, match=message):
-        cart_pole(**arguments)
+        CartPole(**arguments)

@@ -6,14 +6,15 @@ import torch
 
 from swimmer_mj.integrators import rk4_step
 from swimmer_mj.learning.networks.networks import Cascade
-from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
+from swimmer_mj.learning.problems.forms import CompiledForm
+from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
 
 
 def test_conserves_energy_without_damping():
     pendulum = Pendulum(mass=0.7, length=1.3, damping=0.0)
-    inertia, weight_moment, _ = pendulum.compile().constants
+    inertia, weight_moment, _ = pendulum.constants
     assert (inertia, weight_moment) == pytest.approx((0.7 * 1.3**2, 0.7 * 9.8 * 1.3))
 
     def energy(x):
@@ -44,7 +45,7 @@ def test_the_motor_cannot_lift_it_straight_up():
 
 def test_compiled_form_agrees():
     pendulum = Pendulum(mass=0.7, length=1.3, damping=0.2)
-    compiled = pendulum.compile()
+    compiled = pendulum.form(CompiledForm)
     for x in pendulum.initial_states(np.random.default_rng(0), 20):
         a, B = np.zeros(2), np.zeros((2, 1))
         compiled.dynamics(compiled.constants, x, a, B)

@@ -8,14 +8,13 @@ import torch
 
 from swimmer_mj import state as st
 from swimmer_mj.analytic import AnalyticSwimmer
-from swimmer_mj.dynamics import MujocoSwimmer
+from swimmer_mj.learning.problems.forms import CompiledForm, TrialsForm
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.problems.swim.reduced import compile_reduced_dynamics, reduced_constants
-from swimmer_mj.learning.problems.swim.swimming import Swimming
-from swimmer_mj.learning.runs.methods import learn_in_environment
-from swimmer_mj.learning.runs.trainer import TrainConfig
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
-from swimmer_mj.parameters import PAPER, SwimmerParameters
+from swimmer_mj.learning.td.method import TemporalDifferences
+from swimmer_mj.parameters import SwimmerParameters
 
 
 def unequal(n, seed=0):
@@ -29,7 +28,7 @@ def unequal(n, seed=0):
 def test_compiled_form_agrees_with_the_equations_of_the_paper(n):
     """Lagrange's equations in reduced variables against A.3's force balance."""
     problem = Swimming(unequal(n))
-    compiled = problem.compile()
+    compiled = problem.form(CompiledForm)
     for x in problem.initial_states(np.random.default_rng(n), 30):
         a, B = np.zeros(2 * n + 2), np.zeros((2 * n + 2, n - 1))
         compiled.dynamics(compiled.constants, x, a, B)
@@ -52,7 +51,7 @@ def test_a_single_link_has_reduced_dynamics_too():
 @pytest.mark.parametrize("encoding", ["circle", "angle"])
 def test_inputs_and_their_pullback_agree_with_autograd(encoding):
     problem = Swimming(unequal(4), encoding=encoding)
-    compiled = problem.compile()
+    compiled = problem.form(CompiledForm)
     rng = np.random.default_rng(0)
     for x in 3 * problem.initial_states(rng, 10):  # some angles beyond pi
         z, dVdx = np.zeros(problem.n_inputs), np.zeros(problem.state_size)
@@ -99,7 +98,7 @@ def test_mujoco_gives_the_same_problem():
     parameters = unequal(4)
     x = Swimming(parameters).initial_states(np.random.default_rng(0), 20)
     a, B = Swimming(parameters).drift_and_control_matrix(x)
-    mujoco_a, mujoco_B = Swimming(parameters, dynamics=MujocoSwimmer(parameters)).drift_and_control_matrix(x)
+    mujoco_a, mujoco_B = Swimming(parameters, physics="mujoco").drift_and_control_matrix(x)
     assert np.abs(mujoco_a - a).max() < 1e-10 * np.abs(a).max()
     assert np.abs(mujoco_B - B).max() < 1e-10 * np.abs(B).max()
 
@@ -111,16 +110,10 @@ def test_learning_through_dm_control_is_learning_on_the_equations(engine):
     Rounding differs, and bang-bang control switches where rounding decides sooner or later; up to there, and here for
     all of three trials, values and weights agree to float64 accuracy.
     """
-    config = TrainConfig(
-        physics="mujoco",
-        engine=engine,
-        dtype="float64",
-        neurons=20,
-        td=TDSettings(eta=0.04, trial_duration=0.5),
-    )
-    through_mujoco = config.make_problem()
-    on_equations = Swimming(PAPER, integrator="rk4")
-    network = config.make_network(through_mujoco)
+    settings = TDSettings(eta=0.04, trial_duration=0.5)
+    through_mujoco = Swimming(physics="mujoco")
+    on_equations = Swimming(integrator="rk4")
+    network = TemporalDifferences(settings, 20, "float64").network(through_mujoco, 0)
     generator = torch.Generator().manual_seed(5)
     with torch.no_grad():
         row = network.weight[-1]
@@ -130,15 +123,16 @@ def test_learning_through_dm_control_is_learning_on_the_equations(engine):
     make = FusedTD if engine == "fused" else ContinuousTD
     starts = on_equations.initial_states(np.random.default_rng(0), 3)
 
-    moments = learn_in_environment(make(through_mujoco, network, config.td), config, starts)
+    environment = through_mujoco.form(TrialsForm)
+    moments = environment.learn(make(through_mujoco, network, settings), starts, 0.5, 0.01)
 
-    learner = make(on_equations, twin, config.td)
+    learner = make(on_equations, twin, settings)
     expected = []
     for x in starts:
         learner.start_trial()
-        for _ in range(config.td.steps_per_trial):
+        for _ in range(settings.steps_per_trial):
             expected.append(learner.learn_at(x))
-            x = on_equations.step(x, expected[-1].control, config.td.dt)
+            x = on_equations.step(x, expected[-1].control, settings.dt)
         learner.end_trial()
 
     assert len(moments) == len(expected) == 150
@@ -155,7 +149,7 @@ def test_learning_through_dm_control_is_learning_on_the_equations(engine):
     [
         ({"parameters": SwimmerParameters(1)}, "at least 2 links to have a joint to move, got 1"),
         ({"s_gamma": 0.0}, "s_gamma must be positive and finite, got 0.0"),
-        ({"integrator": "leapfrog"}, "must be 'euler' or 'rk4', got 'leapfrog'"),
+        ({"integrator": "leapfrog"}, "integrator must be one of 'euler', 'rk4'; got 'leapfrog'"),
     ],
 )
 def test_refuses(arguments, message):

@@ -12,11 +12,11 @@ from swimmer_mj.compiled.simd import cos_sin, sign
 from swimmer_mj.compiled.vectors import LANES, load, store
 from swimmer_mj.learning.networks.batched import BatchedNetwork
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer
-from swimmer_mj.learning.problems.differentiable import differentiable, transition, transition_pullback
+from swimmer_mj.learning.problems.differentiable import transition, transition_pullback
+from swimmer_mj.learning.problems.forms import BatchForm, TorchForm
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.problems.swim.batched import greedy_rk4, greedy_step, pullback, workspace
 from swimmer_mj.learning.problems.swim.reduced import reduced_constants
-from swimmer_mj.learning.problems.swim.swimming import Swimming
-from swimmer_mj.learning.value_gradient.engines import swimming_encoding
 from swimmer_mj.learning.value_gradient.equations import value_and_gradient_loss
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
@@ -45,7 +45,8 @@ def test_torch_form_agrees_with_the_equations_of_the_paper(parameters):
     problem = Swimming(parameters)
     x, _, _ = states_and_slopes(problem)
     a, B = problem.drift_and_control_matrix(x)
-    found = differentiable(problem).drift_and_control_matrix(x)
+    form, states = problem.form(TorchForm), torch.from_numpy(x)
+    found = form.drift(states).numpy(), form.control_matrix(states).numpy()
     assert found[0] == pytest.approx(a, rel=1e-10, abs=1e-11)
     assert found[1] == pytest.approx(B, rel=1e-10, abs=1e-11)
 
@@ -74,7 +75,7 @@ def test_pullback_is_the_transposed_jacobian(parameters):
     x, costate, signs = states_and_slopes(problem)
     u = signs * parameters.torque_limits
     expected = transition_pullback(
-        differentiable(problem), *map(torch.tensor, (x, u)), dt, torch.tensor(costate)
+        problem.form(TorchForm), *map(torch.tensor, (x, u)), dt, torch.tensor(costate)
     )
     columns = [np.ascontiguousarray(y.T) for y in (x, u, costate)]
     found = np.empty_like(columns[0])
@@ -88,8 +89,8 @@ def test_pullback_is_the_transposed_jacobian(parameters):
         e[i] = h
         torques = torch.tensor(u)
         column = (
-            transition(differentiable(problem), y + e, torques, dt)
-            - transition(differentiable(problem), y - e, torques, dt)
+            transition(problem.form(TorchForm), y + e, torques, dt)
+            - transition(problem.form(TorchForm), y - e, torques, dt)
         ) / (2 * h)
         assert expected[:, i].numpy() == pytest.approx((column.numpy() * costate).sum(1), rel=1e-5, abs=1e-5)
 
@@ -121,7 +122,7 @@ def test_network_its_slope_and_the_gradient_of_a_loss_in_both(kind):
     )
     expected = torch.cat([y.flatten() for y in torch.autograd.grad(loss, list(network.parameters()))])
 
-    compiled = BatchedNetwork(network, swimming_encoding(5), 12)
+    compiled = BatchedNetwork(network, Swimming().form(BatchForm).encoding, 12)
     weights = torch.cat([w.detach().flatten() for w in network.parameters()])
     z, found_V, found_slope = np.empty((17, N)), np.empty(N), np.empty((12, N))
     compiled.judge(weights, np.ascontiguousarray(x.T), z, found_V, found_slope)

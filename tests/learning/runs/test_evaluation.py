@@ -3,25 +3,26 @@ import pytest
 import torch
 
 from swimmer_mj import state as st
-from swimmer_mj.environments import suite
 from swimmer_mj.cli.output import make_console, print_evaluation
-from swimmer_mj.cli.runs import evaluate_run
+from swimmer_mj.environments import suite
 from swimmer_mj.integrators import rk4_step
-from swimmer_mj.learning.runs.evaluation import (
+from swimmer_mj.intervals import known_interval, mean_and_interval, mean_and_interval_text
+from swimmer_mj.learning.networks.networks import Cascade
+from swimmer_mj.learning.networks.policy import GreedyPolicy
+from swimmer_mj.learning.problems.pendulum import Pendulum
+from swimmer_mj.learning.problems.swim import Swimming
+from swimmer_mj.learning.problems.swim.environment import (
+    SwimmingPolicy,
     evaluate_swimming,
     evaluation_states,
-    known_interval,
-    mean_and_interval,
-    mean_and_interval_text,
-    monte_carlo_value,
+    observed_state,
     record_episode,
 )
+from swimmer_mj.learning.runs.config import RunConfig
+from swimmer_mj.learning.runs.evaluation import evaluate_run, monte_carlo_value
+from swimmer_mj.learning.runs.run import TrainingRun, evaluation_sample
 from swimmer_mj.learning.td.fused import FusedTD
-from swimmer_mj.learning.networks.networks import Cascade
-from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
-from swimmer_mj.learning.networks.policy import GreedyPolicy, SwimmingPolicy, observed_state
-from swimmer_mj.learning.problems.swim.swimming import Swimming
-from swimmer_mj.learning.runs.trainer import TrainConfig, TrainingRun, evaluation_sample
+from swimmer_mj.learning.td.method import TemporalDifferences
 from swimmer_mj.parameters import SwimmerParameters
 
 THREE = SwimmerParameters(n_links=3)
@@ -135,14 +136,17 @@ def test_monte_carlo_value_agrees_with_the_compiled_rollout():
 
 def test_returns_of_a_run_with_logistic_neurons_are_those_of_its_policy(tmp_path, capsys):
     """Equation 1 as a sum over greedy RK4 steps of 0.01 s, written out here; s_gamma 25 1/s makes it 40 of them."""
-    config = TrainConfig(parameters=THREE, s_gamma=25.0, neurons=8, sigmoid="logistic", dtype="float64")
+    method = TemporalDifferences(neurons=8, sigmoid="logistic", dtype="float64")
+    config = RunConfig(Swimming(THREE, s_gamma=25.0), method)
     run = TrainingRun(tmp_path / "run", config)
     with torch.no_grad():
-        run.network.weight.normal_(generator=torch.Generator().manual_seed(1)).mul_(run.network.connected)
+        run.learning.network.weight.normal_(generator=torch.Generator().manual_seed(1)).mul_(
+            run.learning.network.connected
+        )
     run.save(run.evaluate(0.0))
     result = evaluate_run(run.directory, "last", 1)
 
-    problem, policy = run.problem, GreedyPolicy(run.problem, run.network)
+    problem, policy = run.problem, GreedyPolicy(run.problem, run.learning.network)
     x = evaluation_sample(problem)
     total = np.zeros(len(x))
     for k in range(40):

@@ -8,12 +8,11 @@ import torch
 from torch import nn
 
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer, ValueNetwork
-from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
+from swimmer_mj.learning.networks.policy import greedy_control, hamiltonian
+from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.td.continuous_td import (
     ContinuousTD,
     TDSettings,
-    greedy_control,
-    hamiltonian,
     trace_derivative,
     value_and_gradients,
     weight_derivative,

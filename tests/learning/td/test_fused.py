@@ -10,8 +10,8 @@ import torch
 from swimmer_mj.compiled.rational_tanh import tanh_of_one
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer
 from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
-from swimmer_mj.learning.problems.swim.swimming import Swimming
+from swimmer_mj.learning.problems.pendulum import Pendulum
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings, value_and_gradients
 from swimmer_mj.learning.td.fused import FusedTD
 from swimmer_mj.learning.td.population import PopulationTD

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
-from swimmer_mj.learning.problems.swim.swimming import Swimming
-from swimmer_mj.learning.td.continuous_td import TDSettings, greedy_control, hamiltonian
+from swimmer_mj.learning.networks.policy import greedy_control, hamiltonian
+from swimmer_mj.learning.problems.pendulum import Pendulum
+from swimmer_mj.learning.problems.swim import Swimming
+from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.hamiltonian import hamiltonian_by_difference
 from swimmer_mj.learning.td.linear import Axis, LinearTD, RadialBasis, TileCoding
 from swimmer_mj.learning.td.vario_eta import VarioEta

@@ -15,9 +15,9 @@ from torch.utils._pytree import tree_map
 from torch.utils.backend_registration import _setup_privateuseone_for_python_backend
 
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer, ValueNetwork
-from swimmer_mj.learning.problems.swim.swimming import Swimming
-from swimmer_mj.learning.value_gradient.equations import ValueGradientSettings
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
+from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
 from swimmer_mj.parameters import PAPER
 
 NAME = "second"

@@ -4,7 +4,6 @@ import copy
 import dataclasses
 import json
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,20 +15,17 @@ from swimmer_mj.learning.networks.layered import Layered
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer, ValueNetwork
 from swimmer_mj.learning.problems.differentiable import (
     DifferentiableProblem,
-    differentiable,
     transition,
     transition_pullback,
 )
-from swimmer_mj.learning.problems.pendulum.pendulum import Pendulum
-from swimmer_mj.learning.problems.swim.lanes import compiled_lanes
-from swimmer_mj.learning.problems.swim.swimming import Swimming
+from swimmer_mj.learning.problems.forms import LanesForm, TorchForm
+from swimmer_mj.learning.problems.pendulum import Pendulum
+from swimmer_mj.learning.problems.problem import discount_shares
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint, save_checkpoint
-from swimmer_mj.learning.value_gradient.equations import (
-    ValueGradientSettings,
-    targets,
-    value_and_gradient_loss,
-)
+from swimmer_mj.learning.value_gradient.equations import targets, value_and_gradient_loss
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
+from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
 from swimmer_mj.parameters import PAPER
 
 SMALL = ValueGradientSettings(trajectories=32, steps=10, minibatch=64, trial_duration=0.2)
@@ -57,7 +53,7 @@ def trajectory(problem, x, n_steps, dt, rng):
     for _ in range(n_steps):
         signs = torch.tensor(rng.choice([-1.0, 1.0], (len(x), len(limits))))
         controls.append(limits * signs)
-        states.append(transition(problem, states[-1], controls[-1], dt))
+        states.append(transition(problem.form(TorchForm), states[-1], controls[-1], dt))
     return states, controls
 
 
@@ -65,11 +61,11 @@ def targets_along(problem, network, states, controls, s_lambda, dt):
     X = torch.stack(states)
     V, dVdx = value_and_slope(network, problem, X)
     x = X[:-1].detach().requires_grad_()
-    r = problem.reward_rate(x.flatten(0, 1)).view(x.shape[:2])
+    r = problem.form(TorchForm).reward_rate(x.flatten(0, 1)).view(x.shape[:2])
     (drdx,) = torch.autograd.grad(r.sum(), x)
 
     def pullback(t, later):
-        return transition_pullback(problem, states[t], controls[t], dt, later)
+        return transition_pullback(problem.form(TorchForm), states[t], controls[t], dt, later)
 
     return targets(r.detach(), drdx, V, dVdx, pullback, problem.s_gamma, s_lambda, dt)
 
@@ -80,7 +76,7 @@ def targets_along(problem, network, states, controls, s_lambda, dt):
 @pytest.mark.parametrize("s_lambda", [0.0, 2.0, math.inf])
 def test_targets_are_the_return_and_its_gradient_by_autodiff(s_lambda):
     """G(0) written out as a sum over steps, differentiated through the simulator with the controls held."""
-    problem = differentiable(Swimming(s_gamma=0.7))
+    problem = Swimming(s_gamma=0.7)
     network = multilayer(problem.n_inputs)
     rng, dt, T = np.random.default_rng(0), 0.01, 12
     x0 = torch.tensor(problem.initial_states(rng, 5)).requires_grad_()
@@ -90,7 +86,7 @@ def test_targets_are_the_return_and_its_gradient_by_autodiff(s_lambda):
     expected = torch.zeros(5, dtype=torch.float64)
     so_far = torch.zeros(5, dtype=torch.float64)
     for k in range(1, T + 1):
-        so_far = so_far + gamma ** (k - 1) * dt * problem.reward_rate(states[k - 1])
+        so_far = so_far + gamma ** (k - 1) * dt * problem.form(TorchForm).reward_rate(states[k - 1])
         weight = (1 - l) * l ** (k - 1) if k < T else l ** (T - 1)
         expected = expected + weight * (so_far + gamma**k * network(problem.inputs(states[k])))
     (gradient,) = torch.autograd.grad(expected.sum(), x0)
@@ -100,14 +96,14 @@ def test_targets_are_the_return_and_its_gradient_by_autodiff(s_lambda):
 
 
 def test_without_lookahead_each_target_is_one_step_from_its_state():
-    problem = differentiable(Pendulum())
+    problem = Pendulum()
     network = multilayer(problem.n_inputs)
     rng, dt = np.random.default_rng(0), 0.02
     states, controls = trajectory(problem, torch.tensor(problem.initial_states(rng, 4)), 6, dt, rng)
     found = targets_along(problem, network, states, controls, math.inf, dt)
     for t in range(6):
         V, dVdx = value_and_slope(network, problem, states[t + 1])
-        G = problem.reward_rate(states[t]) * dt + math.exp(-dt) * V
+        G = problem.form(TorchForm).reward_rate(states[t]) * dt + math.exp(-dt) * V
         assert torch.allclose(found.value[t], G, rtol=1e-14)
         drdx = torch.stack([-torch.sin(states[t][:, 0]), torch.zeros(4, dtype=torch.float64)], 1)
         F = torch.tensor([[1.0, dt], [0.0, 1 - 0.01 * dt]], dtype=torch.float64).repeat(4, 1, 1)
@@ -212,7 +208,7 @@ def test_the_true_value_of_a_bang_bang_problem_is_its_own_target(s_lambda):
     for _ in range(10):
         _, dVdx = value_and_slope(Run(1.0), problem, states[-1])
         controls.append(torch.sign(dVdx))
-        states.append(transition(problem, states[-1], controls[-1], dt))
+        states.append(transition(problem.form(TorchForm), states[-1], controls[-1], dt))
     assert (states[-1].abs() < states[0].abs() - 0.19).all()
     found = targets_along(problem, Run(1.0), states, controls, s_lambda, dt)
     V, dVdx = value_and_slope(Run(1.0), problem, torch.stack(states[:-1]))
@@ -340,7 +336,10 @@ def test_what_cannot_be_compiled_is_said():
     problem, network = Swimming(), multilayer(17)
     with pytest.raises(ValueError, match="needs minibatch to be a multiple of 32, not 100; use 'torch'"):
         ValueGradientLearner(problem, network, ValueGradientSettings(minibatch=100), engine="compiled")
-    with pytest.raises(ValueError, match=r"knows Swimming, not Pendulum \('pendulum'\); use 'torch'"):
+    with pytest.raises(
+        ValueError,
+        match="compiled for batches of trajectories, and 'pendulum' is not; use",
+    ):
         ValueGradientLearner(Pendulum(), multilayer(3), engine="compiled")
     with pytest.raises(ValueError, match="engine must be 'auto', 'compiled' or 'torch', got 'fused'"):
         ValueGradientLearner(problem, network, engine="fused")
@@ -376,10 +375,8 @@ class Rectified(Multilayer):
 def test_what_a_subclass_changes_is_not_ignored():
     with pytest.raises(TypeError, match="'swim5' has no torch form; describe it as a DifferentiableProblem"):
         ValueGradientLearner(Thrifty(), multilayer(17))
-    assert compiled_lanes(Thrifty()) is None
-    assert compiled_lanes(Swimming()) is not None
-    with pytest.raises(ValueError, match="SimpleNamespace has no derivatives; describe it as a Differ"):
-        ValueGradientLearner(Swimming(dynamics=SimpleNamespace()), multilayer(17))
+    assert Thrifty().form(LanesForm) is None
+    assert Swimming().form(LanesForm) is not None
     learner = ValueGradientLearner(Swimming(), Rectified(17, (8,), dtype=torch.float64), SMALL)
     assert learner.engine == "torch"
     with pytest.raises(ValueError, match="knows Cascade and Multilayer networks, not Rectified; use 'torch'"):
@@ -393,12 +390,12 @@ def test_states_of_another_shape_are_refused(problem):
         for use in (
             learner.control,
             lambda states: learner.rollout(states, 1.0),
-            lambda states: learner.discounted_return(states, 1.0),
+            lambda states: learner.policy().episodes(states, np.ones(3), 0.01),
         ):
             with pytest.raises(ValueError, match=rf"states must have shape \(count, {p}\), got \("):
                 use(states)
     with pytest.raises(ValueError, match=r"got skip 0\.0 and duration -5"):
-        learner.discounted_return(np.zeros((1, p)), -5)
+        discount_shares(1.0, -5, 0.01)
 
 
 def test_says_what_is_not_finite():

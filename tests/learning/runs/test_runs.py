@@ -6,25 +6,38 @@ import numpy as np
 import pytest
 import torch
 
+from swimmer_mj.learning.problems.cart_pole import CartPole
+from swimmer_mj.learning.problems.pendulum import Pendulum
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint
+from swimmer_mj.learning.runs.config import RunConfig, read_config
+from swimmer_mj.learning.runs.run import Metrics, TrainingRun, load_policy
+from swimmer_mj.learning.runs.together import Pack, train_together
 from swimmer_mj.learning.td.continuous_td import TDSettings
-from swimmer_mj.learning.runs.trainer import (
-    Metrics,
-    Pack,
-    TrainConfig,
-    TrainingRun,
-    load_policy,
-    read_config,
-    train_together,
-    value_gradient_config,
-)
-from swimmer_mj.learning.value_gradient.equations import ValueGradientSettings
+from swimmer_mj.learning.td.method import TemporalDifferences
 from swimmer_mj.learning.td.vario_eta import VarioEta
+from swimmer_mj.learning.value_gradient.method import ValueGradients
+from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
 from swimmer_mj.parameters import SwimmerParameters
 
-SMALL = TrainConfig(
-    problem="pendulum", neurons=10, evaluate_every=20, td=TDSettings(eta=0.04, trial_duration=1.0)
-)
+SETTINGS = TDSettings(eta=0.04, trial_duration=1.0)
+
+
+def small(seed=0, evaluate_every=20, **changes):
+    """A run of TD(lambda) on the pendulum; changes of the method's settings, or of the learner's."""
+    of_learner = {name: changes.pop(name) for name in list(changes) if hasattr(SETTINGS, name)}
+    settings = dataclasses.replace(SETTINGS, **of_learner)
+    method = TemporalDifferences(settings, **{"neurons": 10, **changes})
+    return RunConfig(Pendulum(), method, seed, evaluate_every)
+
+
+SMALL = small()
+
+
+def advance(run, **kwargs):
+    """The metrics of one run, of the next period."""
+    metrics = Pack([run]).advance(**kwargs)
+    return None if metrics is None else metrics[0]
 
 
 def tensors_of(run):
@@ -40,19 +53,19 @@ def rows_of(run):
 
 @pytest.mark.parametrize("vario", [None, VarioEta()])
 def test_an_interrupted_run_computes_the_same_bits(tmp_path, vario):
-    config = dataclasses.replace(SMALL, td=dataclasses.replace(SMALL.td, vario=vario))
+    config = small(vario=vario)
     whole = TrainingRun(tmp_path / "whole", config)
     for _ in range(3):
-        whole.advance()
+        advance(whole)
 
     run = TrainingRun(tmp_path / "parts", config)
-    run.advance(stretch=7)
-    assert run.advance(stretch=3, stop=lambda: True) is None  # cut off in the middle of a period
+    advance(run, stretch=7)
+    assert advance(run, stretch=3, stop=lambda: True) is None  # cut off in the middle of a period
     resumed = TrainingRun(tmp_path / "parts", resume=True)
     assert resumed.trial == 20
-    resumed.advance()
+    advance(resumed)
     resumed = TrainingRun(tmp_path / "parts", resume=True)
-    resumed.advance(stretch=1)
+    advance(resumed, stretch=1)
 
     assert rows_of(resumed) == rows_of(whole)
     assert len(rows_of(whole)) == 4
@@ -64,8 +77,8 @@ def test_an_interrupted_run_computes_the_same_bits(tmp_path, vario):
 
 def test_seeds_differ_and_repeat(tmp_path):
     def weights(name, seed):
-        run = TrainingRun(tmp_path / name, dataclasses.replace(SMALL, seed=seed))
-        run.advance()
+        run = TrainingRun(tmp_path / name, small(seed))
+        advance(run)
         return tensors_of(run)["weight"]
 
     assert torch.equal(weights("a", 1), weights("b", 1))
@@ -75,11 +88,11 @@ def test_seeds_differ_and_repeat(tmp_path):
 def test_keeps_the_best_weights(tmp_path):
     run = TrainingRun(tmp_path / "run", SMALL)
     speeds = iter([0.1, 0.5, 0.3])
-    run.learning.rewards = lambda states: np.array([next(speeds)])
+    run.learning.rewards = lambda *_: np.array([next(speeds)])
     weights = []
     for _ in range(3):
-        run.advance()
-        weights.append(run.network.weight.detach().clone())
+        advance(run)
+        weights.append(run.learning.network.weight.detach().clone())
     best, _, info = load_policy(run.directory)
     assert info["speed"] == 0.5
     assert info["trial"] == 40
@@ -90,7 +103,7 @@ def test_keeps_the_best_weights(tmp_path):
 
 def test_what_a_run_leaves(tmp_path):
     run = TrainingRun(tmp_path / "run", SMALL)
-    metrics = run.advance()
+    metrics = advance(run)
     names = {
         "config.json",
         "metrics.csv",
@@ -108,25 +121,25 @@ def test_what_a_run_leaves(tmp_path):
 
 
 def test_a_configuration_survives_its_file(tmp_path):
-    config = TrainConfig(
-        seed=3,
-        parameters=SwimmerParameters(4, [1, 2, 3, 4], 0.5, 3.0, [1, 2, 3]),
-        s_gamma=0.7,
-        td=TDSettings(eta=0.02, vario=VarioEta(beta=0.05), output_scaling=False),
-        neurons=12,
-        dtype="float64",
-    )
+    parameters = SwimmerParameters(4, [1, 2, 3, 4], 0.5, 3.0, [1, 2, 3])
+    settings = TDSettings(eta=0.02, vario=VarioEta(beta=0.05), output_scaling=False)
+    config = RunConfig(Swimming(parameters, 0.7), TemporalDifferences(settings, 12, "float64"), 3)
     run = TrainingRun(tmp_path / "run", config)
     assert read_config(run.directory) == config
     values = config.to_json()
-    assert TrainConfig.from_json(values) == config
-    assert TrainConfig.from_json(values) == config  # reading has not changed them
-    assert json.loads((run.directory / "config.json").read_text())["parameters"]["mass"] == [1, 2, 3, 4]
+    assert RunConfig.from_json(values) == config
+    assert RunConfig.from_json(values) == config  # reading has not changed them
+    assert json.loads((run.directory / "config.json").read_text())["problem"]["parameters"]["mass"] == [
+        1,
+        2,
+        3,
+        4,
+    ]
 
 
 def test_does_not_overwrite_a_run(tmp_path):
     run = TrainingRun(tmp_path / "run", SMALL)
-    run.advance()
+    advance(run)
     before = (run.directory / "metrics.csv").read_text()
     with pytest.raises(FileExistsError, match="already holds a run; resume it, or choose another"):
         TrainingRun(tmp_path / "run", SMALL)
@@ -144,7 +157,7 @@ def test_refuses_what_is_no_run(tmp_path):
 
 
 def test_says_when_learning_diverges(tmp_path):
-    config = dataclasses.replace(SMALL, td=dataclasses.replace(SMALL.td, eta=1e6))
+    config = small(eta=1e6)
     run = TrainingRun(tmp_path / "run", config)
     with pytest.raises(FloatingPointError, match=r"no longer finite after \d+ trials: eta 1000000.0 is too"):
         train_together([run], trials=400)
@@ -154,22 +167,20 @@ def test_runs_that_diverge_do_not_stop_the_others(tmp_path):
     """In a pack: both are named at the end, stand where they were saved, and the others compute their own bits."""
 
     def make(name, eta, seed):
-        td = dataclasses.replace(SMALL.td, eta=eta)
-        config = dataclasses.replace(SMALL, engine="population", td=td, seed=seed)
-        return TrainingRun(tmp_path / name, config)
+        return TrainingRun(tmp_path / name, small(seed, engine="population", eta=eta))
 
     good, worse, better, worst = (
         make(name, eta, seed)
         for seed, (name, eta) in enumerate([("good", 0.04), ("worse", 1e6), ("better", 0.02), ("worst", 1e9)])
     )
-    better.advance()
+    advance(better)
     with pytest.raises(FloatingPointError, match=r"worse: weights are no .*; .*worst: weights are no longer"):
         train_together([good, worse, better, worst], trials=60, workers=1)
     assert [run.trial for run in (good, worse, better, worst)] == [60, 0, 60, 0]
-    assert all(torch.isfinite(run.network.weight).all() for run in (worse, worst))
+    assert all(torch.isfinite(run.learning.network.weight).all() for run in (worse, worst))
     assert worse.history == []
     for run in (good, better):
-        alone = make(f"{run.directory.name}-alone", run.config.td.eta, run.config.seed)
+        alone = make(f"{run.directory.name}-alone", run.config.method.settings.eta, run.config.seed)
         train_together([alone], trials=60)
         assert torch.equal(tensors_of(alone)["weight"], tensors_of(run)["weight"])
         assert rows_of(alone) == rows_of(run)
@@ -178,14 +189,7 @@ def test_runs_that_diverge_do_not_stop_the_others(tmp_path):
 def test_value_gradients_that_diverge_are_named(tmp_path):
     def make(name, **changes):
         settings = ValueGradientSettings(trajectories=32, steps=5, minibatch=32, dt=0.05, **changes)
-        config = TrainConfig(
-            method="value-gradient",
-            problem="pendulum",
-            value_gradient=settings,
-            layers=(8,),
-            evaluate_every=2,
-        )
-        return TrainingRun(tmp_path / name, config)
+        return TrainingRun(tmp_path / name, RunConfig(Pendulum(), ValueGradients(settings, (8,)), 0, 2))
 
     good, bad = make("good"), make("bad", learning_rate=1e30)
     with pytest.raises(
@@ -198,20 +202,16 @@ def test_value_gradients_that_diverge_are_named(tmp_path):
 def test_a_trial_of_value_gradients_is_as_long_as_one_of_td(tmp_path):
     """Two trials of 5 s are two rounds of 32 trajectories x 5 steps of 0.05 s."""
     settings = ValueGradientSettings(trajectories=32, steps=5, minibatch=32, dt=0.05)
-    config = TrainConfig(
-        method="value-gradient", problem="pendulum", value_gradient=settings, layers=(8,), evaluate_every=2
-    )
-    run = TrainingRun(tmp_path / "run", config)
-    run.advance()
+    run = TrainingRun(tmp_path / "run", RunConfig(Pendulum(), ValueGradients(settings, (8,)), 0, 2))
+    advance(run)
     assert (run.trial, run.learning.learner.rounds) == (2, 2)
 
 
 def test_both_engines_run_the_same_run(tmp_path):
-    small = dataclasses.replace(SMALL, dtype="float64", evaluate_every=3)
     weights = []
     for engine in ("fused", "torch"):
-        run = TrainingRun(tmp_path / engine, dataclasses.replace(small, engine=engine))
-        run.advance()
+        run = TrainingRun(tmp_path / engine, small(dtype="float64", evaluate_every=3, engine=engine))
+        advance(run)
         weights.append(tensors_of(run)["weight"])
     assert (weights[0] - weights[1]).abs().max() < 1e-11
     assert weights[0].abs().sum() > 0
@@ -220,13 +220,10 @@ def test_both_engines_run_the_same_run(tmp_path):
 def test_a_pack_computes_what_its_runs_compute_alone(tmp_path):
     def make(directory, engine):
         rates = [(0.01, 1.0, None), (0.04, 2.0, None), (0.04, 1.0, VarioEta())]
-        config = dataclasses.replace(SMALL, dtype="float64", engine=engine)
         return [
             TrainingRun(
                 tmp_path / directory / f"{i}",
-                dataclasses.replace(
-                    config, seed=i, td=dataclasses.replace(SMALL.td, eta=eta, s_lambda=s, vario=vario)
-                ),
+                small(i, dtype="float64", engine=engine, eta=eta, s_lambda=s, vario=vario),
             )
             for i, (eta, s, vario) in enumerate(rates)
         ]
@@ -234,40 +231,36 @@ def test_a_pack_computes_what_its_runs_compute_alone(tmp_path):
     together, singles = make("pack", "population"), make("singles", "fused")
     train_together(together, trials=40, workers=1)
     for pack_run, single in zip(together, singles, strict=True):
-        single.advance()
-        single.advance()
+        advance(single)
+        advance(single)
         assert pack_run.trial == single.trial == 40
-        assert (pack_run.network.weight - single.network.weight).abs().max() < 1e-12
+        assert (pack_run.learning.network.weight - single.learning.network.weight).abs().max() < 1e-12
         assert torch.allclose(pack_run.learning.fused.rate, single.learning.fused.rate, rtol=1e-9)
-        assert single.network.weight.abs().sum() > 0
+        assert single.learning.network.weight.abs().sum() > 0
     alone = TrainingRun(tmp_path / "alone", together[1].config)
-    alone.advance()
+    advance(alone)
     resumed = TrainingRun(tmp_path / "alone", resume=True)
     train_together([resumed], trials=40)
-    assert torch.equal(resumed.network.weight, together[1].network.weight)
+    assert torch.equal(resumed.learning.network.weight, together[1].learning.network.weight)
 
 
 def test_value_gradients_resume_and_load(tmp_path):
-    config = dataclasses.replace(
-        value_gradient_config(seed=3),
-        parameters=SwimmerParameters(n_links=3),
-        value_gradient=ValueGradientSettings(trajectories=32, steps=10, minibatch=64),
-        layers=(8, 8),
-        evaluate_every=2,
-    )
+    settings = ValueGradientSettings(trajectories=32, steps=10, minibatch=64)
+    problem = Swimming(SwimmerParameters(n_links=3), s_gamma=0.5)
+    config = RunConfig(problem, ValueGradients(settings, (8, 8)), 3, 2)
     whole = TrainingRun(tmp_path / "whole", config)
-    whole.advance()
-    whole.advance()
+    advance(whole)
+    advance(whole)
     parts = TrainingRun(tmp_path / "parts", config)
-    parts.advance(stretch=1)
-    assert parts.advance(stretch=1, stop=lambda: True) is None  # cut off in the middle of a period
+    advance(parts, stretch=1)
+    assert advance(parts, stretch=1, stop=lambda: True) is None  # cut off in the middle of a period
     parts = TrainingRun(tmp_path / "parts", resume=True)
     assert parts.config == config
     assert parts.learning.learner.simulation_steps >= 2 * 500  # it does not begin again, to the same end
-    parts.advance()
+    advance(parts)
     assert rows_of(parts) == rows_of(whole)
     assert whole.learning.learner.simulation_steps >= 4 * 500
-    for a, b in zip(whole.network.parameters(), parts.network.parameters(), strict=True):
+    for a, b in zip(whole.learning.network.parameters(), parts.learning.network.parameters(), strict=True):
         assert torch.equal(a, b)
     policy, _, _ = load_policy(tmp_path / "parts", "last")
     states = whole.problem.initial_states(np.random.default_rng(0), 5)
@@ -276,42 +269,42 @@ def test_value_gradients_resume_and_load(tmp_path):
 
 
 def test_runs_together_stop_at_a_number_of_trials(tmp_path):
-    runs = [TrainingRun(tmp_path / f"seed-{s}", dataclasses.replace(SMALL, seed=s)) for s in range(3)]
+    runs = [TrainingRun(tmp_path / f"seed-{s}", small(s)) for s in range(3)]
     reports = []
     train_together(runs, trials=50, report=reports.append, workers=2)
     assert [run.trial for run in runs] == [60, 60, 60]
     assert sum(report.metrics is not None for report in reports) == 9
-    alone = TrainingRun(tmp_path / "alone", dataclasses.replace(SMALL, seed=2))
+    alone = TrainingRun(tmp_path / "alone", small(2))
     for _ in range(3):
-        alone.advance()
-    assert torch.equal(alone.network.weight, runs[2].network.weight)
+        advance(alone)
+    assert torch.equal(alone.learning.network.weight, runs[2].learning.network.weight)
 
 
 def test_runs_together_stop_when_one_is_good_enough(tmp_path):
-    runs = [TrainingRun(tmp_path / f"seed-{s}", dataclasses.replace(SMALL, seed=s)) for s in range(2)]
+    runs = [TrainingRun(tmp_path / f"seed-{s}", small(s)) for s in range(2)]
     train_together(runs, enough=lambda run: run.trial >= 40)
     assert max(len(run.history) for run in runs) == 2
 
 
 def test_runs_together_stop_in_time(tmp_path):
-    run = TrainingRun(tmp_path / "run", dataclasses.replace(SMALL, evaluate_every=10**9))
-    first = run.network.weight.detach().clone()
+    run = TrainingRun(tmp_path / "run", small(evaluate_every=10**9))
+    first = run.learning.network.weight.detach().clone()
     train_together([run], seconds=0.2)
     assert run.history == []
     assert run.trial == 0
-    assert torch.equal(run.network.weight, first)
+    assert torch.equal(run.learning.network.weight, first)
 
 
 @pytest.mark.parametrize("engine", ["fused", "population"])
 def test_a_run_that_is_stopped_stands_where_it_was_saved(tmp_path, engine):
-    run = TrainingRun(tmp_path / "run", dataclasses.replace(SMALL, engine=engine))
-    run.advance()
-    assert run.advance(stretch=3, stop=lambda: True) is None
+    run = TrainingRun(tmp_path / "run", small(engine=engine))
+    advance(run)
+    assert advance(run, stretch=3, stop=lambda: True) is None
     assert run.trial == run.history[-1].trial == 20
-    assert torch.equal(run.network.weight, tensors_of(run)["weight"])
+    assert torch.equal(run.learning.network.weight, tensors_of(run)["weight"])
     whole = TrainingRun(tmp_path / "whole", run.config)
     for one in (whole, whole, run):
-        one.advance()
+        advance(one)
     assert rows_of(run) == rows_of(whole)
 
 
@@ -331,7 +324,7 @@ def test_packs_are_balanced_and_as_many_as_there_are_workers(tmp_path, groups, w
     runs = [
         TrainingRun(
             tmp_path / f"{group}-{seed}",
-            dataclasses.replace(SMALL, engine="population", seed=seed, neurons=4 + group),
+            small(seed, engine="population", neurons=4 + group),
         )
         for group, count in enumerate(groups)
         for seed in range(count)
@@ -342,35 +335,60 @@ def test_packs_are_balanced_and_as_many_as_there_are_workers(tmp_path, groups, w
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("make", "message"),
     [
-        ({"seed": -1}, "seed must not be negative, got -1"),
-        ({"neurons": 1}, "neurons must be at least 2"),
+        (lambda: RunConfig(seed=-1), "seed must not be negative, got -1"),
+        (lambda: RunConfig(evaluate_every=0), "evaluate_every must be at least 1 trial, got 0"),
+        (lambda: TemporalDifferences(neurons=1), "neurons must be at least 2"),
+        (lambda: ValueGradients(neurons=1), "neurons must be at least 2"),
         (
-            {"method": "value_gradient"},
-            "^method must be one of 'td', 'value-gradient'; got 'value_gradient'$",
+            lambda: TemporalDifferences(engine="fast"),
+            "engine must be one of 'auto', 'fused', 'population', 'torch'; got 'fast'",
         ),
-        ({"problem": "Swim"}, "problem must be one of 'swim', 'pendulum'; got 'Swim'"),
-        ({"initial_law": "slow"}, "initial_law must be one of .*'straight'; got 'slow'"),
-        ({"evaluate_every": 0}, "evaluate_every must be at least 1 trial, got 0"),
+        (lambda: Swimming(initial_law="slow"), "initial_law must be one of .*'straight'; got 'slow'"),
+        (lambda: Swimming(physics="real"), "physics must be one of 'analytic', 'mujoco'; got 'real'"),
         (
-            {"method": "value-gradient", "layers": (8,), "sigmoid": "logistic"},
+            lambda: ValueGradients(layers=(8,), sigmoid="logistic"),
             "layers are of tanh units: sigmoid must be 'tanh', got 'logistic'",
-        ),
-        (
-            {"problem": "pendulum", "physics": "mujoco"},
-            "physics 'mujoco' is for swimming, not for 'pendulum'",
         ),
     ],
 )
-def test_configuration_refuses(arguments, message):
+def test_configuration_refuses(make, message):
     with pytest.raises(ValueError, match=message):
-        TrainConfig(**arguments)
+        make()
+
+
+IN_MUJOCO = Swimming(physics="mujoco")
+
+
+@pytest.mark.parametrize(
+    ("problem", "method", "message"),
+    [
+        (IN_MUJOCO, ValueGradients(), "value gradients need the equations themselves, and 'swim5' is to be"),
+        (
+            IN_MUJOCO,
+            TemporalDifferences(engine="population"),
+            "learns on compiled equations, and 'swim5' is to be",
+        ),
+        (IN_MUJOCO, TemporalDifferences(TDSettings(vario=VarioEta())), "needs engine 'torch'"),
+        (
+            CartPole(),
+            TemporalDifferences(engine="fused"),
+            "engine 'fused' needs a compiled form of 'cart-pole'",
+        ),
+    ],
+)
+def test_a_method_that_cannot_learn_a_problem_says_so_before_anything_is_written(
+    tmp_path, problem, method, message
+):
+    with pytest.raises(ValueError, match=message):
+        TrainingRun(tmp_path / "run", RunConfig(problem, method))
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device to learn on")
 def test_a_device_that_is_not_there_is_refused_before_anything_is_written(tmp_path):
-    config = dataclasses.replace(value_gradient_config(), device="cuda")
+    config = RunConfig(Swimming(), ValueGradients(device="cuda"))
     with pytest.raises(ValueError, match="torch finds no CUDA device here; learn with device 'cpu'"):
         TrainingRun(tmp_path / "run", config)
     assert not (tmp_path / "run").exists()

@@ -1,0 +1,237 @@
+"""Continuous TD(lambda) as a run sees it: settings, a learner with one of three engines, teams of learners.
+
+The engines are equal but for rounding: one compiled learner, one of a pack of them, or the readable reference.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from swimmer_mj.learning.method import Along
+from swimmer_mj.learning.networks.networks import Cascade, DType, Sigmoid
+from swimmer_mj.learning.networks.policy import GreedyPolicy
+from swimmer_mj.learning.problems.forms import CompiledForm, Learner, TrialsForm
+from swimmer_mj.learning.problems.problem import DT, ControlProblem, episode_shares, require_choices
+from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
+from swimmer_mj.learning.td.fused import FusedTD
+from swimmer_mj.learning.td.population import LANES, PopulationTD
+from swimmer_mj.learning.td.vario_eta import VarioEta
+
+__all__ = ["ETA", "PAPER_NEURONS", "TDLearning", "TDTeam", "TemporalDifferences"]
+
+Array = NDArray[np.float64]
+
+PAPER_NEURONS = 60
+ETA = 0.16
+"""Learning rate: the best of a sweep with 5 links (docs/what-decides.md); the paper's is 0.01."""
+VARIO_ETA = 0.04
+"""With vario-eta; 0.16 diverges."""
+MANY = 4
+"""Seeds above which a pack is faster than one learner after the other."""
+
+
+@dataclass(frozen=True)
+class TemporalDifferences:
+    """Learn by continuous TD(lambda), the paper's method."""
+
+    settings: TDSettings = field(default_factory=lambda: TDSettings(eta=ETA))
+    neurons: int = PAPER_NEURONS
+    """Of the cascade, the output counted."""
+    dtype: DType = "float32"
+    sigmoid: Sigmoid = "tanh"
+    engine: Literal["auto", "fused", "population", "torch"] = "auto"
+    """"auto" is "fused" where the problem is compiled, else "torch"."""
+
+    evaluate_every: ClassVar[int] = 2000
+    label: ClassVar[str] = "TD(λ)"
+
+    def __post_init__(self) -> None:
+        require_choices(self)
+        if self.neurons < 2:
+            raise ValueError(f"neurons must be at least 2, one hidden and the output; got {self.neurons}")
+
+    @classmethod
+    def from_options(
+        cls,
+        eta: float | None = None,
+        s_lambda: float = 1.0,
+        vario_eta: bool = False,
+        neurons: int = PAPER_NEURONS,
+        dtype: DType = "float32",
+        engine: Literal["auto", "fused", "population", "torch"] = "auto",
+    ) -> Self:
+        """The method by the options of the command line."""
+        settings = TDSettings(
+            eta=eta if eta is not None else VARIO_ETA if vario_eta else ETA,
+            s_lambda=s_lambda,
+            output_scaling=not vario_eta,
+            vario=VarioEta() if vario_eta else None,
+        )
+        return cls(settings, neurons, dtype, engine=engine)
+
+    def network(self, problem: ControlProblem, seed: int) -> Cascade:
+        """The network with its initial weights."""
+        generator = torch.Generator().manual_seed(seed)
+        dtype = getattr(torch, self.dtype)
+        return Cascade(problem.n_inputs, self.neurons, generator=generator, dtype=dtype, sigmoid=self.sigmoid)
+
+    def start(self, problem: ControlProblem, seed: int) -> TDLearning:
+        """A learner of ``problem``."""
+        return TDLearning(self, problem, seed)
+
+    def policy(self, problem: ControlProblem, tensors: Mapping[str, Tensor]) -> GreedyPolicy[Cascade]:
+        """The greedy policy of the weights."""
+        network = self.network(problem, 0)
+        network.load_state_dict({name: tensors[name] for name in network.state_dict()})
+        return GreedyPolicy(problem, network)
+
+    # Teams -------------------------------------------------------------------------------------------------------
+
+    team_size: ClassVar[int] = LANES
+
+    def team_key(self, problem: ControlProblem) -> Hashable | None:
+        """Problem, network and time, with engine "population"."""
+        if self.engine != "population":
+            return None
+        time = TDSettings(dt=self.settings.dt, trial_duration=self.settings.trial_duration)
+        return problem, dataclasses.replace(self, settings=time)
+
+    def team(self, learners: Sequence[TDLearning]) -> TDTeam:
+        """A pack."""
+        return TDTeam(learners)
+
+    def for_seeds(self, problem: ControlProblem, count: int) -> Self:
+        """Engine "population" for more than a few compiled learners."""
+        compiled = problem.form(CompiledForm) is not None and problem.form(TrialsForm) is None
+        if self.engine == "auto" and count > MANY and compiled:
+            return dataclasses.replace(self, engine="population")
+        return self
+
+
+class TDLearning:
+    """A learner, by one of the engines; see :class:`swimmer_mj.learning.method.Learning`."""
+
+    def __init__(self, method: TemporalDifferences, problem: ControlProblem, seed: int) -> None:
+        settings = method.settings
+        self.method = method
+        self.problem = problem
+        self.network = method.network(problem, seed)
+        self.rng = np.random.default_rng(seed)
+        self.trials = 0
+        self.environment = problem.form(TrialsForm)
+        compiled = problem.form(CompiledForm) is not None
+        engine = method.engine if method.engine != "auto" else "fused" if compiled else "torch"
+        if self.environment is not None and engine == "population":
+            raise ValueError(
+                f"engine 'population' learns on compiled equations, and {problem.name!r} is to be learned in its "
+                "environment (physics 'mujoco'); use engine 'fused'"
+            )
+        if self.environment is not None and engine == "fused" and settings.vario is not None:
+            raise ValueError("vario-eta in an environment (physics 'mujoco') needs engine 'torch'")
+        if engine != "torch" and not compiled:
+            raise ValueError(
+                f"engine {engine!r} needs a compiled form of {problem.name!r}; use engine 'torch'"
+            )
+        self.fused = FusedTD(problem, self.network, settings) if compiled else None
+        self.torch = ContinuousTD(problem, self.network, settings) if engine == "torch" else None
+
+    def learn(self, trials: int) -> Along:
+        """``trials`` trials from random states."""
+        along = self._learn(self.problem.initial_states(self.rng, trials))
+        self.trials += trials
+        self.require_finite()
+        return along
+
+    def _learn(self, states: Array) -> Along:
+        if self.torch is None and self.environment is None:
+            assert self.fused is not None  # engine "fused" or "population"
+            statistics = self.fused.train(states)
+            return Along(float(statistics.value.mean()), float(statistics.squared_hamiltonian.mean()))
+        settings = self.method.settings
+        if self.environment is not None:
+            learner: Learner | None = self.fused if self.torch is None else self.torch
+            assert learner is not None
+            moments = self.environment.learn(learner, states, settings.trial_duration, settings.dt)
+        else:
+            assert self.torch is not None
+            moments = [moment for x in states for moment in self.torch.run_trial(x)]
+        values = np.array([moment.value for moment in moments])
+        hamiltonians = np.array([moment.hamiltonian for moment in moments])
+        return Along(float(values.mean()), float((hamiltonians**2).mean()))
+
+    def require_finite(self) -> None:
+        """Raise FloatingPointError if learning has diverged."""
+        if not torch.isfinite(self.network.weight).all():
+            raise FloatingPointError(
+                f"weights are no longer finite after {self.trials} trials: eta {self.method.settings.eta} is too large"
+            )
+
+    def judge(self, states: Array) -> tuple[Array, Array]:
+        """V and H at ``states``."""
+        if self.fused is None:
+            _, V, H = GreedyPolicy(self.problem, self.network).judge(states)
+            return V, H
+        sample = self.fused.sample(states)
+        return sample.value, sample.hamiltonian
+
+    def rewards(self, states: Array, duration: float, skip: float) -> Array:
+        """Mean reward of greedy episodes, on the compiled equations where there are any."""
+        if self.fused is None:
+            shares = episode_shares(duration, skip, DT)
+            return GreedyPolicy(self.problem, self.network).episodes(states, shares, DT)
+        return self.fused.rollout(states, duration, skip).reward
+
+    def result(self) -> dict[str, Tensor]:
+        """The network's weights."""
+        return self.network.state_dict()
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Weights, and variances and rates of vario-eta."""
+        if self.torch is not None:
+            variance, rate = self.torch.variances[0], self.torch.rates[0]
+        else:
+            assert self.fused is not None
+            variance, rate = self.fused.variance, self.fused.rate
+        return {"weight": self.network.weight.data, "variance": variance, "rate": rate}
+
+    def info(self) -> dict[str, Any]:
+        """The state of the generator of initial states."""
+        return {"rng": self.rng.bit_generator.state, "trial": self.trials}
+
+    def restore(self, tensors: Mapping[str, Tensor], info: Mapping[str, Any]) -> None:
+        """Go on from what was saved."""
+        for name, tensor in self.tensors().items():
+            tensor.copy_(tensors[name])
+        self.rng.bit_generator.state = info["rng"]
+        self.trials = info["trial"]
+
+
+class TDTeam:
+    """Learners in the lanes of a pack."""
+
+    def __init__(self, learners: Sequence[TDLearning]) -> None:
+        self.learners = list(learners)
+        self.population = PopulationTD([one.fused for one in learners if one.fused is not None])
+
+    def learn(self, trials: int) -> list[Along | FloatingPointError]:
+        """``trials`` trials of each."""
+        states = [one.problem.initial_states(one.rng, trials) for one in self.learners]
+        statistics = self.population.train(np.stack(states, axis=1))
+        news: list[Along | FloatingPointError] = []
+        for lane, one in enumerate(self.learners):
+            one.trials += trials
+            try:
+                one.require_finite()
+                V, H2 = statistics.value[:, lane], statistics.squared_hamiltonian[:, lane]
+                news.append(Along(float(V.mean()), float(H2.mean())))
+            except FloatingPointError as error:
+                news.append(error)
+        return news
