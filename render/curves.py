@@ -151,7 +151,9 @@ def rollout_plot(trajectory: Trajectory) -> Figure:
     angle.set_ylabel("angle  (degrees)")
     angle.legend(frameon=False, fontsize=9, ncols=n, loc="lower left", bbox_to_anchor=(0, 1))
 
-    _torque_lanes(torque, trajectory)
+    limits = trajectory.parameters.torque_limits
+    scale = _control_lanes(torque, times, trajectory.controls, limits, " N·m")
+    torque.set_ylabel(f"torque\n(lane: {scale})" if limits.size else "no joints")
 
     speed.plot(times, trajectory.speeds(), color=BLUE, linewidth=1.3)
     if trajectory.n_steps:
@@ -160,24 +162,14 @@ def rollout_plot(trajectory: Trajectory) -> Figure:
         speed.legend(frameon=False, fontsize=9, loc="lower left", bbox_to_anchor=(0, 1))
     speed.set_ylabel("speed along\ntarget  (m/s)")
 
-    value.plot(times, trajectory.values, color=BLUE, linewidth=1.3)
-    value.set_ylabel("$V$  (m)", color=BLUE)
-    hamiltonian = value.twinx()
-    hamiltonian.spines["top"].set_visible(False)
-    hamiltonian.plot(times, trajectory.hamiltonians, color=ORANGE, linewidth=1.0)
-    hamiltonian.set_ylabel("$H$  (m/s)", color=ORANGE)
-    for axes, series in ((value, trajectory.values), (hamiltonian, trajectory.hamiltonians)):
-        if not np.isfinite(series).any():
-            axes.set_yticks([])
-            axes.set_ylabel("")
-    value.set_xlabel("time  (s)")
+    _value_and_hamiltonian(value, times, trajectory.values, trajectory.hamiltonians, ("  (m)", "  (m/s)"))
     figure.align_ylabels([angle, torque, speed, value])
     return figure
 
 
 def episode_plot(episode: Episode) -> Figure:
     """States, controls, reward rate, and V and H along an episode of any problem, in panels over one time axis."""
-    times, p, q = episode.times, episode.states.shape[1], episode.controls.shape[1]
+    times, p = episode.times, episode.states.shape[1]
     figure = Figure(figsize=(8.4, 8.8), layout="constrained")
     state, control, reward, value = figure.subplots(4, 1, sharex=True, height_ratios=[1.2, 1.0, 1.0, 1.0])
     for axes in (state, control, reward, value):
@@ -185,40 +177,45 @@ def episode_plot(episode: Episode) -> Figure:
     for i in range(p):
         color, style = COLORS[i % len(COLORS)], ("-", "--", ":")[i // len(COLORS) % 3]
         state.plot(times, episode.states[:, i], style, color=color, linewidth=1.3, label=f"$x_{{{i + 1}}}$")
-    for k in range(q):
-        color = COLORS[k % len(COLORS)]
-        control.stairs(episode.controls[:, k], times, baseline=None, color=color, label=f"$u_{{{k + 1}}}$")
-    for axes, count in ((state, p), (control, q)):
-        columns = min(count, 8)
-        axes.legend(frameon=False, fontsize=9, ncols=columns, loc="lower left", bbox_to_anchor=(0, 1))
+    columns = min(p, 8)
+    state.legend(frameon=False, fontsize=9, ncols=columns, loc="lower left", bbox_to_anchor=(0, 1))
     state.set_ylabel("state")
-    control.set_ylabel("control")
-    reward.plot(times, episode.rewards, color=BLUE, linewidth=1.3)
+    scale = _control_lanes(control, times, episode.controls, episode.problem.control_limits)
+    control.set_ylabel(f"control\n(lane: {scale})")
     reward.set_ylabel("reward rate")
-    value.plot(times, episode.values, color=BLUE, linewidth=1.3)
-    value.set_ylabel("$V$", color=BLUE)
-    hamiltonian = value.twinx()
-    hamiltonian.spines["top"].set_visible(False)
-    hamiltonian.plot(times, episode.hamiltonians, color=ORANGE, linewidth=1.0)
-    hamiltonian.set_ylabel("$H$", color=ORANGE)
-    value.set_xlabel("time  (s)")
+    reward.plot(times, episode.rewards, color=BLUE, linewidth=1.3)
+    _value_and_hamiltonian(value, times, episode.values, episode.hamiltonians, ("", ""))
     figure.suptitle(episode.problem.name, x=0.99, ha="right", fontsize=10)
     figure.align_ylabels([state, control, reward, value])
     return figure
 
 
-def _torque_lanes(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw a lane a joint, u_1 on top: filled upwards where the torque is positive, else downwards."""
-    limits = trajectory.parameters.torque_limits
+def _value_and_hamiltonian(axes: Axes, times: Array, V: Array, H: Array, units: tuple[str, str]) -> None:
+    """Draw V and, on an axis of its own, H; what is not known is left out."""
+    twin = axes.twinx()
+    twin.spines["top"].set_visible(False)
+    for panel, series, name, unit, color, width in (
+        (axes, V, "$V$", units[0], BLUE, 1.3),
+        (twin, H, "$H$", units[1], ORANGE, 1.0),
+    ):
+        panel.plot(times, series, color=color, linewidth=width)
+        panel.set_ylabel(name + unit, color=color)
+        if not np.isfinite(series).any():
+            panel.set_yticks([])
+            panel.set_ylabel("")
+    axes.set_xlabel("time  (s)")
+
+
+def _control_lanes(axes: Axes, times: Array, controls: Array, limits: Array, unit: str = "") -> str:
+    """Draw a lane a control, u_1 on top: filled upwards where it is positive, else downwards; returns their height."""
     for i, limit in enumerate(limits):
-        lane, u = -float(i), trajectory.controls[:, i] / limit
+        lane, u = -float(i), controls[:, i] / limit
         axes.axhline(lane, color=GREY, linewidth=0.5)
         if u.size:
             for part, color in ((u.clip(min=0), BLUE), (u.clip(max=0), ORANGE)):
-                axes.stairs(lane + 0.42 * part, trajectory.times, baseline=lane, fill=True, color=color)
+                axes.stairs(lane + 0.42 * part, times, baseline=lane, fill=True, color=color)
     axes.grid(visible=False, axis="y")
     axes.set_yticks(-np.arange(len(limits)), [f"$u_{{{i + 1}}}$" for i in range(len(limits))])
     axes.set_ylim(-len(limits) + 0.4, 0.6)
     same = np.unique(limits)
-    scale = f"$\\pm${same[0]:g} N·m" if same.size == 1 else "$\\pm U_i$"
-    axes.set_ylabel(f"torque\n(lane: {scale})" if limits.size else "no joints")
+    return f"$\\pm${same[0]:g}{unit}" if same.size == 1 else "$\\pm U_i$"

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import inspect
+import json as json_module
 import re
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
 
 from swimmer_mj.cli.options import check_seed
 from swimmer_mj.cli.output import live_display, make_console, make_table, print_json, print_line
@@ -44,6 +48,7 @@ def train(
     dtype: Literal["float32", "float64"] | None = None,
     device: Literal["cpu", "cuda"] | None = None,
     evaluate_every: int | None = None,
+    settings: Annotated[tuple[str, ...], tyro.conf.arg(name="set")] = (),
     json: bool = False,
 ) -> None:
     """Train one learner, or one for each of several seeds, and keep the run in a directory.
@@ -72,6 +77,7 @@ def train(
         dtype: Floating-point type of the network; float32 by default.
         device: Where value-gradient computes; td learns on the CPU.
         evaluate_every: Trials, of 5 s of simulated time, between evaluations; 2,000 by default for td, else 1,000.
+        settings: Any other settings of the problem, the method or its learner, as name=value: --set mass=2 flips=0.1.
         json: Print one JSON object.
     """
     typed = _typed(locals())
@@ -107,7 +113,9 @@ def train(
         }
         given = {name: value for name, value in options.items() if value is not None}
         config = _configured(problem, method, given, len(chosen))
-        config = dataclasses.replace(config, evaluate_every=evaluate_every or config.evaluate_every)
+        config = _changed(config, settings)
+        if evaluate_every is not None:
+            config = dataclasses.replace(config, evaluate_every=evaluate_every)
         directories = [out] if seeds is None else [out / f"seed-{s}" for s in chosen]
         for directory in directories:  # all of them before the first is written to
             if directory.exists() and not directory.is_dir():
@@ -170,6 +178,33 @@ def _configured(problem: str, method: str, options: dict[str, Any], count: int) 
     every = getattr(kinds[1], "evaluate_every", None)
     config = RunConfig(made_problem, made_method)
     return config if every is None else dataclasses.replace(config, evaluate_every=every)
+
+
+def _changed(config: RunConfig, settings: Sequence[str]) -> RunConfig:
+    """``config`` with fields of its problem, of its method or of the method's ``settings`` as "name=value" says."""
+    problem, method = config.problem, config.method
+    for text in settings:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise ValueError(f"--set must be like mass=2, got {text!r}")
+        with contextlib.suppress(json_module.JSONDecodeError):  # else it is a string
+            value = json_module.loads(value)
+        change = {name: tuple(value) if isinstance(value, list) else value}
+        learner = getattr(method, "settings", None)
+        if name in _fields(problem):
+            problem = dataclasses.replace(problem, **change)  # pyright: ignore[reportArgumentType]
+        elif name in _fields(method):
+            method = dataclasses.replace(method, **change)  # pyright: ignore[reportArgumentType]
+        elif name in _fields(learner):
+            method = dataclasses.replace(method, settings=dataclasses.replace(learner, **change))  # pyright: ignore
+        else:
+            known = sorted({*_fields(problem), *_fields(method), *_fields(learner)})
+            raise ValueError(f"--set: there is no setting {name!r}; there are {', '.join(known)}")
+    return dataclasses.replace(config, problem=problem, method=method)
+
+
+def _fields(thing: Any) -> set[str]:
+    return {field.name for field in dataclasses.fields(thing)} if dataclasses.is_dataclass(thing) else set()
 
 
 def train_runs(

@@ -73,20 +73,19 @@ def test_a_learner_that_diverges_has_rows_of_nan_and_the_others_go_on(tmp_path, 
 
 def test_each_variant_differs_from_the_chosen_settings_and_from_the_others():
     chosen, *others = studies.ABLATIONS
-    assert chosen.config == value_gradient_config()
-    configs = [one.config for one in studies.ABLATIONS]
+    config = value_gradient_config()
+    assert (chosen.problem, chosen.method) == (config.problem, config.method)
+    configs = [(one.problem, one.method) for one in studies.ABLATIONS]
     assert all(a != b for i, a in enumerate(configs) for b in configs[:i])
     assert len({one.label for one in studies.ABLATIONS}) == len(configs)
     for one in others:
-        settings = one.config.value_gradient
-        assert settings.steps_per_round == pytest.approx(
-            chosen.config.value_gradient.steps_per_round, rel=0.05
-        )
+        steps = one.method.settings.steps_per_round
+        assert steps == pytest.approx(chosen.method.settings.steps_per_round, rel=0.05)
 
 
 def test_the_cascade_of_equal_weights_has_them():
     cascade, layers = (
-        studies.count_weights(one.config.make_network(one.config.make_problem()))
+        studies.count_weights(one.method.network(one.problem, 0))
         for one in (studies.variant("", "", layers=None, neurons=studies.EQUAL_WEIGHTS), studies.ABLATIONS[0])
     )
     assert (cascade, layers) == (5307, 5377)

@@ -230,8 +230,8 @@ def test_bad_arguments(make, num_envs, kwargs, message):
 def test_the_largest_frame_and_the_cameras_are_the_models(make):
     model = make(SWIM5).unwrapped.physics.model
     largest = model.vis.global_.offwidth, model.vis.global_.offheight
-    assert largest == swimmer_mj.gymnasium._LARGEST_FRAME
-    assert {model.camera(i).name for i in range(model.ncam)} == {*swimmer_mj.gymnasium._CAMERAS}
+    assert largest == swimmer_mj.environments.gymnasium._LARGEST_FRAME
+    assert {model.camera(i).name for i in range(model.ncam)} == {*swimmer_mj.environments.gymnasium._CAMERAS}
 
 
 @pytest.mark.parametrize("steps", [0, -2, 1.5])
