@@ -55,6 +55,56 @@ def test_imports_point_one_way(path):
             pytest.fail(f"models imports nothing, but {path} imports {module}")
 
 
+# Inside learning/: each folder may import from itself and from those before it; methods know nothing of each other.
+FLOORS = [
+    ["problems"],
+    ["networks"],
+    ["method"],
+    ["td", "value_gradient"],
+    ["runs"],
+    ["experiments", "pretrained"],
+]
+FLOOR = {name: i for i, names in enumerate(FLOORS) for name in names}
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "learning").glob("*/**/*.py")), ids=lambda path: str(path.relative_to(ROOT))
+)
+def test_imports_inside_learning_point_one_way(path):
+    own = path.relative_to(ROOT / "learning").parts[0]
+    for module, at_import in imports(path):
+        if module.startswith("swimmer_mj.learning."):
+            other = module.split(".")[2]
+            known = own == "runs" or other == own or FLOOR[other] < FLOOR[own]
+            assert known, f"{path} imports {module}, which is not below it"
+            assert own != "runs" or FLOOR[other] <= FLOOR[own], f"{path} imports {module}"
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "swimmer_mj" / "compiled").glob("*.py")), ids=lambda path: path.name
+)
+def test_compiled_code_stands_below_everything(path):
+    for module, _ in imports(path):
+        assert not module.startswith("swimmer_mj.") or module.startswith("swimmer_mj.compiled"), module
+
+
+PROBLEM_NAMES = {"Swimming", "Pendulum", "CartPole", "DifferentiableProblem", "TorchProblem"}
+METHOD_NAMES = {"TemporalDifferences", "ValueGradients"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_nobody_asks_for_the_type_of_a_problem_or_a_method(path):
+    """A problem may ask whether it is of a subclass; everybody else asks for forms."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        text = ast.unparse(node)
+        asks = (isinstance(node, ast.Call) and text.startswith("isinstance(")) or (
+            isinstance(node, ast.Compare) and text.startswith("type(")
+        )
+        if asks and not text.startswith("type(self)"):
+            named = {name.id for name in ast.walk(node) if isinstance(name, ast.Name)}
+            assert not named & (PROBLEM_NAMES | METHOD_NAMES), f"{path}: {text}"
+
+
 def test_there_are_files_to_look_at():
     assert len(FILES) > 20
     path = ROOT / "learning" / "td" / "fused.py"
