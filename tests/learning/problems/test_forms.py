@@ -31,9 +31,10 @@ PROBLEMS = {
 }
 
 
-@pytest.fixture(params=PROBLEMS)
-def problem(request):
-    return PROBLEMS[request.param][0]
+def every(kind):
+    """All problems that offer a form."""
+    offered = [pytest.param(problem, id=name) for name, (problem, forms) in PROBLEMS.items() if kind in forms]
+    return pytest.mark.parametrize("problem", offered)
 
 
 @pytest.fixture
@@ -71,6 +72,7 @@ def test_only_swimmers_have_an_environment():
     assert Swimming(physics="mujoco").form(TrialsForm) is not None
 
 
+@every(TorchForm)
 def test_torch_form(problem, states):
     form, x = problem.form(TorchForm), torch.from_numpy(states)
     a, B = problem.drift_and_control_matrix(states)
@@ -79,10 +81,9 @@ def test_torch_form(problem, states):
     close(form.reward_rate(x).numpy(), problem.reward(states))
 
 
-def test_compiled_form(problem, states, slopes):
+@every(CompiledForm)
+def test_compiled_form(problem, states):
     form = problem.form(CompiledForm)
-    if form is None:
-        pytest.skip("has none")
     a, B = problem.drift_and_control_matrix(states)
     inputs = torch.from_numpy(states).requires_grad_()
     z = problem.inputs(inputs)
@@ -101,10 +102,9 @@ def test_compiled_form(problem, states, slopes):
         close(found_dVdx, dVdx[i].numpy(), 1e-11)
 
 
+@every(LanesForm)
 def test_lanes_form(problem, states, slopes):
     form = problem.form(LanesForm)
-    if form is None:
-        pytest.skip("has none")
     states, slopes = states[:LANES], slopes[:LANES]
     p, q, m = problem.state_size, len(problem.control_limits), problem.n_inputs
     x, dVdx = states.T.ravel().copy(), slopes.T.ravel().copy()
@@ -125,10 +125,9 @@ def test_lanes_form(problem, states, slopes):
     close(back.reshape(p, LANES).T, expected.numpy(), 1e-11)
 
 
+@every(BatchForm)
 def test_batch_form(problem, states, slopes):
     form = problem.form(BatchForm)
-    if form is None:
-        pytest.skip("has none")
     dt, q = 0.01, len(problem.control_limits)
     flips = np.random.default_rng(3).choice([-1.0, 1.0], (BLOCK, q))
     expected_u, _ = greedy(problem, states, slopes)
