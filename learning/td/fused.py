@@ -2,7 +2,7 @@
 
 The algorithm is that of :mod:`~swimmer_mj.learning.td.continuous_td`, step by step; what differs is when and in which
 order its arithmetic is done (:mod:`~swimmer_mj.learning.td.fused_kernel`). In float32, tanh is that of
-:mod:`swimmer_mj.compiled.rational_tanh`; in float64 it is the C library's.
+:mod:`swimmer_mj.compiled.elementary`; in float64 it is the C library's.
 """
 
 from __future__ import annotations

@@ -30,10 +30,11 @@ from numba import njit
 from numpy.typing import DTypeLike, NDArray
 
 from swimmer_mj.compiled.cache import entry_point
-from swimmer_mj.compiled.rational_tanh import tanh_of_one
+from swimmer_mj.compiled.elementary import tanh_of_one
 from swimmer_mj.compiled.static import Static
 from swimmer_mj.compiled.vectors import (
     LANES,
+    OPTIONS,
     add_lanes,
     aligned_zeros,
     load,
@@ -43,7 +44,7 @@ from swimmer_mj.compiled.vectors import (
     store,
 )
 from swimmer_mj.learning.problems.problem import CompiledProblem
-from swimmer_mj.learning.td.greedy import OPTIONS, decide, hold_for_a_step
+from swimmer_mj.learning.td.greedy import decide, hold_for_a_step
 
 __all__ = [
     "Workspace",

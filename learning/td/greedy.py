@@ -9,13 +9,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swimmer_mj.compiled.vectors import FAST
+from swimmer_mj.compiled.vectors import OPTIONS
 
-__all__ = ["OPTIONS", "decide", "hold_for_a_step"]
+__all__ = ["decide", "hold_for_a_step"]
 
 Array = NDArray[np.float64]
-
-OPTIONS: dict[str, Any] = {"fastmath": FAST, "error_model": "numpy", "nogil": True}
 
 
 @njit(forceinline=True, **OPTIONS)

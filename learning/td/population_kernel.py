@@ -21,12 +21,12 @@ from numba import njit
 from numpy.typing import DTypeLike, NDArray
 
 from swimmer_mj.compiled.cache import entry_point
-from swimmer_mj.compiled.rational_tanh import tanh_of_lanes
+from swimmer_mj.compiled.elementary import tanh_of_lanes
 from swimmer_mj.compiled.static import Static
-from swimmer_mj.compiled.vectors import LANES, aligned_zeros, load, multiply_add, splat, store
+from swimmer_mj.compiled.vectors import LANES, OPTIONS, aligned_zeros, load, multiply_add, splat, store
 from swimmer_mj.learning.problems.problem import CompiledProblem
 from swimmer_mj.learning.problems.swim.lanes import CompiledLanes
-from swimmer_mj.learning.td.greedy import OPTIONS, decide
+from swimmer_mj.learning.td.greedy import decide
 
 __all__ = ["Workspace", "backward", "form_of", "forward", "train", "workspace"]
 

@@ -81,11 +81,10 @@ def package_hash(file: str) -> str:
     return sha256(repr(sorted(sources.items())).encode())
 
 
-def _python_function(value: Any) -> Any:
-    """The function that numba's objects were made of; None for anything else."""
-    for attribute in ("py_func", "_defn"):  # of a dispatcher, of an intrinsic
-        value = getattr(value, attribute, value)
-    return value if isinstance(value, types.FunctionType) else None
+def _python_function(value: Any) -> types.FunctionType | None:
+    """The function that one of numba's objects was made of, or that ``value`` is; None for anything else."""
+    function = value if isinstance(value, types.FunctionType) else getattr(value, "__wrapped__", None)
+    return function if isinstance(function, types.FunctionType) else None
 
 
 def _closed_over(function: types.FunctionType) -> list[Any]:

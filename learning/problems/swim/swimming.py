@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj import state as st
 from swimmer_mj.analytic import AnalyticSwimmer
-from swimmer_mj.compiled.vectors import cos_sin
+from swimmer_mj.compiled.elementary import cos_sin
 from swimmer_mj.dynamics import Dynamics
 from swimmer_mj.initial_states import InitialLaw, random_initial_state
 from swimmer_mj.integrators import euler_step, rk4_step
