@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from swimmer_mj.compiled.rational_tanh import tanh_of_lanes, tanh_of_one
+from swimmer_mj.compiled.elementary import tanh_of_lanes, tanh_of_one
 from swimmer_mj.compiled.vectors import FAST, LANES, add_lanes, load, multiply_add, splat, store
 from swimmer_mj.files import replacing
 from swimmer_mj.learning.experiments.rates import (

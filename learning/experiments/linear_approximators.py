@@ -30,8 +30,9 @@ from swimmer_mj.learning.networks.networks import Cascade
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.td.continuous_td import TDSettings
+from swimmer_mj.learning.td.features import Axis, RadialBasis, TileCoding
 from swimmer_mj.learning.td.fused import FusedTD
-from swimmer_mj.learning.td.linear import Axis, LinearTD, RadialBasis, TileCoding
+from swimmer_mj.learning.td.linear import LinearTD
 from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = [

@@ -30,9 +30,20 @@ from numba.extending import overload
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.compiled.rational_tanh import tanh_of_many
-from swimmer_mj.compiled.simd import OPTIONS, convert, cos_sin, spread
-from swimmer_mj.compiled.vectors import FAST, LANES, add_lanes, aligned_zeros, load, splat, store
+from swimmer_mj.compiled.cache import entry_point
+from swimmer_mj.compiled.elementary import cos_sin_of_lanes, tanh_of_many
+from swimmer_mj.compiled.vectors import (
+    FAST,
+    LANES,
+    OPTIONS,
+    add_lanes,
+    aligned_zeros,
+    convert,
+    load,
+    splat,
+    spread,
+    store,
+)
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer, ValueNetwork
 from swimmer_mj.learning.problems.forms import Encoding
 
@@ -125,7 +136,7 @@ def _encode(code: Encoding, x: Array, start: int, z: Real) -> None:
     real = z[0, 0]
     for o in range(0, BLOCK, LANES):
         for i in range(code.angle.size):
-            c, s = cos_sin(load(x, code.angle[i] * N + start + o))
+            c, s = cos_sin_of_lanes(load(x, code.angle[i] * N + start + o))
             store(z, code.cosine[i] * BLOCK + o, convert(c, real))
             store(z, code.sine[i] * BLOCK + o, convert(s, real))
         for i in range(code.linear.size):
@@ -312,7 +323,7 @@ def _value_and_slope(m: int, w: Real, wires: Wiring, code: Encoding, ws: Workspa
     _pull_back(code, ws.y, ws.d, ws.slope)
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def _judge(
     w: Real, wires: Wiring, code: Encoding, x: Array, ws: Workspace, z: Real, V: Array, dVdx: Array
 ) -> None:
@@ -330,7 +341,7 @@ def _judge(
             store(V, start + o, convert(load(ws.a, (n - 1) * BLOCK + o), 0.0))
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def _loss_rows(
     w: Real,
     wires: Wiring,

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global
@@ -27,18 +27,20 @@ from numpy.typing import DTypeLike, NDArray
 __all__ = [
     "FAST",
     "LANES",
-    "TWO_OVER_PI",
+    "OPTIONS",
     "Vector",
     "add_lanes",
     "aligned_zeros",
-    "broadcast",
     "clamp",
-    "cos_sin",
+    "convert",
+    "floor",
     "load",
     "multiply_add",
-    "reduce_angle",
+    "nearest",
     "round_up",
+    "sign",
     "splat",
+    "spread",
     "stack_buffer",
     "store",
 ]
@@ -49,7 +51,8 @@ LANES = 16
 FAST = {"contract", "nsz", "arcp"}
 """Multiply-adds may be fused; nothing may be assumed of NaN or infinity, nor sums reordered."""
 
-TWO_OVER_PI = 2 / math.pi
+OPTIONS: dict[str, Any] = {"fastmath": FAST, "error_model": "numpy", "nogil": True}
+"""How functions are compiled that use vectors."""
 
 
 def round_up(size: int) -> int:
@@ -63,66 +66,6 @@ def aligned_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     buffer = np.zeros(size + 64, np.uint8)
     start = -buffer.ctypes.data % 64
     return buffer[start : start + size].view(dtype).reshape(shape)
-
-
-@njit(fastmath=FAST, error_model="numpy", inline="always")
-def reduce_angle(x: Any, k: Any) -> Any:
-    """x - k pi / 2, of a number or a vector, with pi / 2 in three parts (Cody and Waite)."""
-    return ((x - k * 1.5707963267341256) - k * 6.077100506303966e-11) - k * 2.0222662487959506e-21
-
-
-@njit(fastmath=FAST, error_model="numpy", inline="always")
-def cos_sin(x: float) -> tuple[float, float]:
-    """Cosine and sine of ``x`` (float64), each within 1e-15 for abs(x) < 1e5; no branch, so that loops vectorise.
-
-    Reduction by multiples of pi / 2, then the polynomials of degrees 14 and 13 on [-pi/4, pi/4] whose coefficients are
-    those of fdlibm (k_cos.c, k_sin.c).
-    """
-    k = np.rint(x * TWO_OVER_PI)
-    r = reduce_angle(x, k)
-    w = r * r
-    cosine = 1.0 - (
-        0.5 * w
-        - w
-        * w
-        * (
-            4.16666666666666019037e-02
-            + w
-            * (
-                -1.38888888888741095749e-03
-                + w
-                * (
-                    2.48015872894767294178e-05
-                    + w
-                    * (
-                        -2.75573143513906633035e-07
-                        + w * (2.08757232129817482790e-09 - w * 1.13596475577881948265e-11)
-                    )
-                )
-            )
-        )
-    )
-    sine = r + r * w * (
-        -1.66666666666666324348e-01
-        + w
-        * (
-            8.33333333332248946124e-03
-            + w
-            * (
-                -1.98412698298579493134e-04
-                + w
-                * (
-                    2.75573137070700676789e-06
-                    + w * (-2.50507602534068634195e-08 + w * 1.58969099521155010221e-10)
-                )
-            )
-        )
-    )
-    quadrant = int(k) & 3
-    swapped = (quadrant & 1) != 0
-    c = sine if swapped else cosine
-    s = cosine if swapped else sine
-    return (-c if quadrant == 1 or quadrant == 2 else c), (-s if quadrant >= 2 else s)
 
 
 class Vector(types.Type):
@@ -140,7 +83,7 @@ class _VectorModel(models.PrimitiveModel):
         super().__init__(dmm, fe_type, ir.VectorType(lane, LANES))
 
 
-def broadcast(builder: Any, value: Any) -> Any:
+def _broadcast(builder: Any, value: Any) -> Any:
     """The LLVM value of a vector with ``value``, a float or a vector already, in every lane."""
     if isinstance(value.type, ir.VectorType):
         return value
@@ -166,7 +109,7 @@ def _define(function: Any, instruction: str) -> None:
     infer_global(function)(_Template)
 
     def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return getattr(builder, instruction)(*(broadcast(builder, value) for value in args))
+        return getattr(builder, instruction)(*(_broadcast(builder, value) for value in args))
 
     for kinds in ((Vector, Vector), (Vector, types.Float), (types.Float, Vector)):
         lower_builtin(function, *kinds)(lower)
@@ -225,9 +168,34 @@ def splat(typing_context: Any, scalar: Any) -> Any:
     """``splat(scalar)``: the vector with ``scalar`` in every lane."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return broadcast(builder, args[0])
+        return _broadcast(builder, args[0])
 
     return Vector(scalar)(scalar), codegen
+
+
+@intrinsic
+def spread(typing_context: Any, array: Any, offset: Any) -> Any:
+    """``spread(array, offset)``: ``array.flat[offset]``, ``offset`` not negative, in every lane."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, args[0]).data
+        return _broadcast(builder, builder.load(builder.gep(data, [args[1]])))
+
+    return Vector(array.dtype)(array, types.intp), codegen
+
+
+@intrinsic
+def convert(typing_context: Any, vector: Any, like: Any) -> Any:
+    """``convert(vector, like)``: the vector with lanes of the type of the float ``like``."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        target = ir.VectorType(context.get_value_type(like), LANES)
+        if target == args[0].type:
+            return args[0]
+        narrower = isinstance(target.element, ir.FloatType)
+        return (builder.fptrunc if narrower else builder.fpext)(args[0], target)
+
+    return Vector(like)(vector, like), codegen
 
 
 @intrinsic
@@ -235,11 +203,45 @@ def clamp(typing_context: Any, a: Any, low: Any, high: Any) -> Any:
     """``clamp(a, low, high)``: a, or the bound that it is beyond, lane by lane; bounds are vectors or floats."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        value, low, high = (broadcast(builder, arg) for arg in args)
+        value, low, high = (_broadcast(builder, arg) for arg in args)
         value = builder.select(builder.fcmp_ordered("<", value, low), low, value)
         return builder.select(builder.fcmp_ordered(">", value, high), high, value)
 
     return a(a, low, high), codegen
+
+
+@intrinsic
+def sign(typing_context: Any, a: Any) -> Any:
+    """``sign(a)``: 1, -1 or 0, lane by lane."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        vector = args[0].type
+        zero, one, minus = (ir.Constant(vector, [x] * LANES) for x in (0.0, 1.0, -1.0))
+        below = builder.select(builder.fcmp_ordered("<", args[0], zero), minus, zero)
+        return builder.select(builder.fcmp_ordered(">", args[0], zero), one, below)
+
+    return a(a), codegen
+
+
+def _unary(name: str) -> Any:
+    """An LLVM intrinsic of one vector."""
+
+    @intrinsic
+    def call(typing_context: Any, a: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            vector = args[0].type
+            suffix = "f32" if isinstance(vector.element, ir.FloatType) else "f64"
+            kind = ir.FunctionType(vector, [vector])
+            function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}{suffix}")
+            return builder.call(function, args)
+
+        return a(a), codegen
+
+    return call
+
+
+floor = _unary("floor")
+nearest = _unary("rint")
 
 
 @intrinsic

@@ -10,7 +10,7 @@ matrix A at hand, two things come cheap that a learner of value gradients asks f
 
 Arrays have trajectories on their last axis, so that one SIMD vector holds the same number of LANES trajectories. All
 arrays are float64 and C-contiguous, and the number N of trajectories is a multiple of LANES. The functions are
-compiled once for any number of links, and numba keeps the result on disk.
+compiled once for any number of links.
 """
 
 # pyright: reportCallIssue=false
@@ -26,8 +26,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swimmer_mj.compiled.simd import OPTIONS, cos_sin, sign
-from swimmer_mj.compiled.vectors import LANES, aligned_zeros, load, splat, store
+from swimmer_mj.compiled.cache import entry_point
+from swimmer_mj.compiled.elementary import cos_sin_of_lanes
+from swimmer_mj.compiled.vectors import LANES, OPTIONS, aligned_zeros, load, sign, splat, store
 from swimmer_mj.learning.problems.forms import BatchForm, Encoding
 from swimmer_mj.learning.problems.swim.reduced import ReducedConstants, reduced_constants
 from swimmer_mj.learning.problems.swim.swimming import RATE_SCALE, Swimming
@@ -79,7 +80,7 @@ def _factor(K: Array, x: Array, c: Array, s: Array, cosine: Array, sine: Array, 
     """
     n = K.shape[0]
     for i in range(n):
-        cos_i, sin_i = cos_sin(load(x, i * LANES))
+        cos_i, sin_i = cos_sin_of_lanes(load(x, i * LANES))
         store(c, i * LANES, cos_i)
         store(s, i * LANES, sin_i)
         for j in range(i + 1):
@@ -237,7 +238,7 @@ def derivative_of_lanes(
     _derivative(constants, x, u, ws.c, ws.s, ws.cosine, ws.sine, ws.A, ws.F, f)
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def greedy_step(
     ws: Workspace,
     constants: ReducedConstants,
@@ -273,7 +274,7 @@ def greedy_step(
     _step(ws, constants, limits, x, dVdx, flips, dt, 1, u, y)
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def greedy_rk4(
     ws: Workspace,
     constants: ReducedConstants,
@@ -289,92 +290,117 @@ def greedy_rk4(
     _step(ws, constants, limits, x, dVdx, flips, dt, 4, u, y)
 
 
-@njit(**OPTIONS)
-def pullback(
-    ws: Workspace,
+@njit(forceinline=True, **OPTIONS)
+def _through_forces(
     constants: ReducedConstants,
-    x: Array,
-    u: Array,
-    dt: float,
     costate: Array,
-    out: Array,
+    N: int,
+    start: int,
+    at: Array,
+    c: Array,
+    s: Array,
+    cosine: Array,
+    F: Array,
+    mu: Array,
+    d_normal: Array,
+    d_x: Array,
 ) -> None:
-    """out (p, N) = (dy/dx)^T costate for an Euler step from x (p, N) to y, with the torques u (q, N) held.
+    """Adjoints of the normal velocities, and what they and the frictions, held, leave for d_x.
 
-    A name with ``d_`` is the adjoint of the quantity behind it: its effect on costate . f.
+    Friction F_i moves the centre of mass and turns the links; it comes from the normal velocity of link i.
     """
-    C, K, drag, rotational_drag, total_mass = constants
-    c, s, F, mu, d_normal, cosine, sine, A, at, d_x, _, f, torque = ws
-    n = constants.K.shape[0]
-    p, q = 2 * n + 2, n - 1
+    C, _, drag, rotational_drag, total_mass = constants
+    n = drag.size
     vx, vy = 2 * n * LANES, (2 * n + 1) * LANES
-    N = x.shape[1]
+    costate_x = load(costate, 2 * n * N + start) / total_mass
+    costate_y = load(costate, (2 * n + 1) * N + start) / total_mass
+    v_x, v_y = load(at, vx), load(at, vy)
+    d_v_x = d_v_y = splat(0.0)
+    for i in range(n):
+        cos_i, sin_i, F_i = load(c, i * LANES), load(s, i * LANES), load(F, i * LANES)
+        d_F = cos_i * costate_y - sin_i * costate_x
+        for j in range(n):
+            d_F = d_F + C[i, j] * (load(cosine, (i * n + j) * LANES) * load(mu, j * LANES))
+        d_v = -drag[i] * d_F
+        store(d_normal, i * LANES, d_v)
+        d_sin = -(F_i * costate_x) - v_x * d_v
+        d_cos = F_i * costate_y + v_y * d_v
+        store(d_x, i * LANES, cos_i * d_sin - sin_i * d_cos)
+        turned = load(costate, i * N + start) - rotational_drag[i] * load(mu, i * LANES)
+        store(d_x, (n + i) * LANES, turned)
+        d_v_x = d_v_x - sin_i * d_v
+        d_v_y = d_v_y + cos_i * d_v
+    store(d_x, vx, d_v_x)
+    store(d_x, vy, d_v_y)
+
+
+@njit(forceinline=True, **OPTIONS)
+def _through_angles(
+    constants: ReducedConstants,
+    at: Array,
+    cosine: Array,
+    sine: Array,
+    F: Array,
+    f: Array,
+    mu: Array,
+    d_normal: Array,
+    d_x: Array,
+) -> None:
+    """Add to d_x what comes through the angles between links: inertia, centrifugal terms, normal velocities."""
+    C, K, _, _, _ = constants
+    n = K.shape[0]
+    for i in range(n):
+        w, F_i = load(at, (n + i) * LANES), load(F, i * LANES)
+        mu_i, d_v = load(mu, i * LANES), load(d_normal, i * LANES)
+        turn, d_w = splat(0.0), load(d_x, (n + i) * LANES)
+        for j in range(n):
+            cos_ij, sin_ij = load(cosine, (i * n + j) * LANES), load(sine, (i * n + j) * LANES)
+            mu_j, w_j = load(mu, j * LANES), load(at, (n + j) * LANES)
+            # -K_ij sin(theta_j - theta_i) theta'_i^2 is part of Q_j.
+            pull = K[i, j] * (w * mu_j)
+            d_w = d_w + 2.0 * (pull * sin_ij)
+            d_cosine = C[i, j] * (F_i * mu_j + d_v * w_j) - K[i, j] * (mu_i * load(f, (n + j) * LANES))
+            twist = cos_ij * (pull * w) - sin_ij * d_cosine
+            turn = turn + twist
+            store(d_x, j * LANES, load(d_x, j * LANES) - twist)
+            d_w = d_w + C[j, i] * (cos_ij * load(d_normal, j * LANES))
+        store(d_x, (n + i) * LANES, d_w)
+        store(d_x, i * LANES, load(d_x, i * LANES) + turn)
+
+
+@njit(**OPTIONS)
+def _pullback(
+    ws: Workspace, constants: ReducedConstants, x: Array, u: Array, dt: float, costate: Array, out: Array
+) -> None:
+    """As :func:`pullback`. A name with ``d_`` is the adjoint of the quantity behind it, its effect on costate . f."""
+    c, s, F, mu, d_normal, cosine, sine, A, at, d_x, _, f, torque = ws
+    n, N = constants.K.shape[0], x.shape[1]
     for start in range(0, N, LANES):
-        for i in range(p):
+        for i in range(x.shape[0]):
             store(at, i * LANES, load(x, i * N + start))
-        for k in range(q):
+        for k in range(u.shape[0]):
             store(torque, k * LANES, load(u, k * N + start))
         _factor(constants.K, at, c, s, cosine, sine, A)
         _derivative(constants, at, torque, c, s, cosine, sine, A, F, f)
-
         # theta'' = A^-1 Q: the adjoint of Q is mu = A^-1 (costate of theta'), that of A is -mu theta''^T.
         for j in range(n):
             store(mu, j * LANES, load(costate, (n + j) * N + start))
         _solve(n, A, mu)
-
-        costate_x = load(costate, 2 * n * N + start) / total_mass
-        costate_y = load(costate, (2 * n + 1) * N + start) / total_mass
-        v_x, v_y = load(at, vx), load(at, vy)
-        d_v_x = d_v_y = splat(0.0)
-        for i in range(n):
-            # F_i moves the centre of mass and turns the links; it comes from the normal velocity of link i.
-            cos_i, sin_i, F_i = load(c, i * LANES), load(s, i * LANES), load(F, i * LANES)
-            d_F = cos_i * costate_y - sin_i * costate_x
-            for j in range(n):
-                d_F = d_F + C[i, j] * (load(cosine, (i * n + j) * LANES) * load(mu, j * LANES))
-            d_v = -drag[i] * d_F
-            store(d_normal, i * LANES, d_v)
-            d_sin = -(F_i * costate_x) - v_x * d_v
-            d_cos = F_i * costate_y + v_y * d_v
-            store(d_x, i * LANES, cos_i * d_sin - sin_i * d_cos)
-            store(
-                d_x, (n + i) * LANES, load(costate, i * N + start) - rotational_drag[i] * load(mu, i * LANES)
-            )
-            d_v_x = d_v_x - sin_i * d_v
-            d_v_y = d_v_y + cos_i * d_v
-        for i in range(n):
-            w, F_i, mu_i, d_v = (
-                load(at, (n + i) * LANES),
-                load(F, i * LANES),
-                load(mu, i * LANES),
-                load(d_normal, i * LANES),
-            )
-            turn = splat(0.0)
-            d_w = load(d_x, (n + i) * LANES)
-            for j in range(n):
-                cos_ij, sin_ij, mu_j = (
-                    load(cosine, (i * n + j) * LANES),
-                    load(sine, (i * n + j) * LANES),
-                    load(mu, j * LANES),
-                )
-                w_j = load(at, (n + j) * LANES)
-                # -K_ij sin(theta_j - theta_i) theta'_i^2 is part of Q_j.
-                pull = K[i, j] * (w * mu_j)
-                d_w = d_w + 2.0 * (pull * sin_ij)
-                d_cosine = C[i, j] * (F_i * mu_j + d_v * w_j) - K[i, j] * (mu_i * load(f, (n + j) * LANES))
-                twist = cos_ij * (pull * w) - sin_ij * d_cosine
-                turn = turn + twist
-                store(d_x, j * LANES, load(d_x, j * LANES) - twist)
-                d_w = d_w + C[j, i] * (cos_ij * load(d_normal, j * LANES))
-            store(d_x, (n + i) * LANES, d_w)
-            store(d_x, i * LANES, load(d_x, i * LANES) + turn)
-        store(d_x, vx, d_v_x)
-        store(d_x, vy, d_v_y)
-        for i in range(p):
+        _through_forces(constants, costate, N, start, at, c, s, cosine, F, mu, d_normal, d_x)
+        _through_angles(constants, at, cosine, sine, F, f, mu, d_normal, d_x)
+        for i in range(x.shape[0]):
             store(out, i * N + start, load(costate, i * N + start) + dt * load(d_x, i * LANES))
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
+def pullback(
+    ws: Workspace, constants: ReducedConstants, x: Array, u: Array, dt: float, costate: Array, out: Array
+) -> None:
+    """out (p, N) = (dy/dx)^T costate for an Euler step from x (p, N) to y, with the torques u (q, N) held."""
+    _pullback(ws, constants, x, u, dt, costate, out)
+
+
+@entry_point(**OPTIONS)
 def targets(
     ws: Workspace,
     constants: ReducedConstants,
@@ -401,7 +427,7 @@ def targets(
         for i in range(p):
             for b in range(N):
                 later[i, b] = (1 - l) * dVdx[t + 1, i, b] + l * g[i, b]
-        pullback(ws, constants, x[t], u[t], dt, later, g)
+        _pullback(ws, constants, x[t], u[t], dt, later, g)
         for b in range(N):
             G[b] = x[t, velocity, b] * dt + discount * ((1 - l) * V[t + 1, b] + l * G[b])
             out[t, p, b] = G[b]

@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swimmer_mj.compiled.simd import OPTIONS, convert, cos_sin
-from swimmer_mj.compiled.vectors import LANES, load, store
+from swimmer_mj.compiled.elementary import cos_sin_of_lanes
+from swimmer_mj.compiled.vectors import LANES, OPTIONS, convert, load, store
 from swimmer_mj.learning.problems.forms import LanesForm
 from swimmer_mj.learning.problems.swim.batched import derivative_of_lanes, workspace
 from swimmer_mj.learning.problems.swim.reduced import reduced_constants
@@ -49,7 +49,7 @@ def _encode(constants: Any, x: Array, z: Real, start: int) -> None:
     n = constants[1].K.shape[0]
     real = z[0, 0, 0]
     for i in range(n):
-        cosine, sine = cos_sin(load(x, i * LANES))
+        cosine, sine = cos_sin_of_lanes(load(x, i * LANES))
         store(z, start + i * LANES, convert(cosine, real))
         store(z, start + (n + i) * LANES, convert(sine, real))
         store(z, start + (2 * n + i) * LANES, convert(RATE_SCALE * load(x, (n + i) * LANES), real))

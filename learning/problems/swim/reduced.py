@@ -25,7 +25,8 @@ from numba import njit
 from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
-from swimmer_mj.compiled.vectors import FAST, cos_sin, stack_buffer
+from swimmer_mj.compiled.elementary import cos_sin
+from swimmer_mj.compiled.vectors import OPTIONS, stack_buffer
 from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = ["ReducedConstants", "compile_reduced_dynamics", "reduced_constants"]
@@ -57,6 +58,73 @@ def reduced_constants(parameters: SwimmerParameters) -> ReducedConstants:
     return ReducedConstants(C, K, k * l, k * l**3 / 12, float(m.sum()))
 
 
+@njit(inline="always", **OPTIONS)
+def _turn(K: Array, z: Array, c: Array, s: Array, cosine: Array, inertia: Array, centrifugal: Array) -> None:
+    """Cosines and sines of the angles; cos(theta_i - theta_j), and K times it, and K sin(theta_i - theta_j)."""
+    n = c.size
+    for i in range(n):
+        c[i], s[i] = cos_sin(z[i])
+    for i in range(n):
+        for j in range(n):
+            cosine[i, j] = c[i] * c[j] + s[i] * s[j]
+            inertia[i, j] = K[i, j] * cosine[i, j]
+            centrifugal[i, j] = K[i, j] * (s[i] * c[j] - c[i] * s[j])
+
+
+@njit(inline="always", **OPTIONS)
+def _rub(C: Array, drag: Array, z: Array, c: Array, s: Array, cosine: Array, F: Array) -> tuple[float, float]:
+    """Friction F_i along the normal n_i = (-sin theta_i, cos theta_i) of each link; returns the sum of all."""
+    n = c.size
+    vx, vy = z[2 * n], z[2 * n + 1]
+    force_x = force_y = 0.0
+    for i in range(n):
+        normal_velocity = -vx * s[i] + vy * c[i]
+        for j in range(n):
+            normal_velocity += C[i, j] * cosine[i, j] * z[n + j]
+        F[i] = -drag[i] * normal_velocity
+        force_x -= F[i] * s[i]
+        force_y += F[i] * c[i]
+    return force_x, force_y
+
+
+@njit(inline="always", **OPTIONS)
+def _push(
+    C: Array, rotational_drag: Array, z: Array, cosine: Array, centrifugal: Array, F: Array, q: Array
+) -> None:
+    """Right-hand sides: of the drift in the first column of q, of a unit torque of joint k in column k + 1."""
+    n = F.size
+    for j in range(n):
+        moment = -rotational_drag[j] * z[n + j]
+        for i in range(n):
+            moment += F[i] * C[i, j] * cosine[i, j] - centrifugal[j, i] * z[n + i] * z[n + i]
+        q[j, 0] = moment
+        for k in range(n - 1):
+            q[j, k + 1] = 0.0
+    for k in range(n - 1):
+        q[k, k + 1] = -1.0
+        q[k + 1, k + 1] = 1.0
+
+
+@njit(inline="always", **OPTIONS)
+def _solve(inertia: Array, reciprocal: Array, q: Array) -> None:
+    """q becomes inertia^-1 q: elimination without pivoting (it is positive definite), then back substitution."""
+    n = reciprocal.size
+    for j in range(n):
+        reciprocal[j] = 1.0 / inertia[j, j]
+        for i in range(j + 1, n):
+            ratio = inertia[i, j] * reciprocal[j]
+            for k in range(j + 1, i + 1):
+                inertia[i, k] -= ratio * inertia[k, j]
+            for k in range(n):
+                q[i, k] -= ratio * q[j, k]
+    for j in range(n - 1, -1, -1):
+        for k in range(n):
+            q[j, k] *= reciprocal[j]
+        for i in range(j):
+            for k in range(n):
+                q[i, k] -= inertia[j, i] * q[j, k]
+
+
 @lru_cache(maxsize=16)
 def compile_reduced_dynamics(n: int) -> Callable[..., None]:
     """Compile a(z) and B(z) of n links.
@@ -68,74 +136,29 @@ def compile_reduced_dynamics(n: int) -> Callable[..., None]:
         a (2n + 2,) and the rows of theta'' in the control matrix B (2n + 2, n - 1), the others staying as they are
         (zero). Nothing is allocated.
     """
-    n_joints = n - 1
     square = n * n
 
-    @njit(fastmath=FAST, error_model="numpy")
+    @njit(**OPTIONS)
     def drift_and_control_matrix(
         constants: ReducedConstants, z: Array, a: Array, B: Array
     ) -> None:  # pragma: no cover - compiled
         C, K, drag, rotational_drag, total_mass = constants
         c = carray(stack_buffer(square), n)
         s = carray(stack_buffer(square), n)
-        F = carray(stack_buffer(square), n)  # F_i along n_i
+        F = carray(stack_buffer(square), n)
         reciprocal = carray(stack_buffer(square), n)  # of the pivots
-        cosine = carray(stack_buffer(square), (n, n))  # cos(theta_i - theta_j)
+        cosine = carray(stack_buffer(square), (n, n))
         inertia = carray(stack_buffer(square), (n, n))
         centrifugal = carray(stack_buffer(square), (n, n))
-        # Right-hand sides, then solutions: the drift's, then each joint's.
-        q = carray(stack_buffer(square), (n, n))
-        vx = z[2 * n]
-        vy = z[2 * n + 1]
-
-        for i in range(n):
-            c[i], s[i] = cos_sin(z[i])
-        for i in range(n):
-            for j in range(n):
-                cosine[i, j] = c[i] * c[j] + s[i] * s[j]
-                inertia[i, j] = K[i, j] * cosine[i, j]
-                centrifugal[i, j] = K[i, j] * (s[i] * c[j] - c[i] * s[j])
-
-        force_x = 0.0
-        force_y = 0.0
-        for i in range(n):
-            normal_velocity = -vx * s[i] + vy * c[i]
-            for j in range(n):
-                normal_velocity += C[i, j] * cosine[i, j] * z[n + j]
-            F[i] = -drag[i] * normal_velocity
-            force_x -= F[i] * s[i]
-            force_y += F[i] * c[i]
-        for j in range(n):
-            moment = -rotational_drag[j] * z[n + j]
-            for i in range(n):
-                moment += F[i] * C[i, j] * cosine[i, j] - centrifugal[j, i] * z[n + i] * z[n + i]
-            q[j, 0] = moment
-            for k in range(n_joints):
-                q[j, k + 1] = 0.0
-        for k in range(n_joints):
-            q[k, k + 1] = -1.0
-            q[k + 1, k + 1] = 1.0
-
-        # Elimination without pivoting (the matrix is positive definite), then back substitution.
-        for j in range(n):
-            reciprocal[j] = 1.0 / inertia[j, j]
-            for i in range(j + 1, n):
-                ratio = inertia[i, j] * reciprocal[j]
-                for k in range(j + 1, i + 1):
-                    inertia[i, k] -= ratio * inertia[k, j]
-                for k in range(n):
-                    q[i, k] -= ratio * q[j, k]
-        for j in range(n - 1, -1, -1):
-            for k in range(n):
-                q[j, k] *= reciprocal[j]
-            for i in range(j):
-                for k in range(n):
-                    q[i, k] -= inertia[j, i] * q[j, k]
-
+        q = carray(stack_buffer(square), (n, n))  # right-hand sides, then accelerations
+        _turn(K, z, c, s, cosine, inertia, centrifugal)
+        force_x, force_y = _rub(C, drag, z, c, s, cosine, F)
+        _push(C, rotational_drag, z, cosine, centrifugal, F, q)
+        _solve(inertia, reciprocal, q)
         for i in range(n):
             a[i] = z[n + i]
             a[n + i] = q[i, 0]
-            for k in range(n_joints):
+            for k in range(n - 1):
                 B[n + i, k] = q[i, k + 1]
         a[2 * n] = force_x / total_mass
         a[2 * n + 1] = force_y / total_mass

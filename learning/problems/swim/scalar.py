@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swimmer_mj.compiled.vectors import cos_sin
+from swimmer_mj.compiled.elementary import cos_sin
 from swimmer_mj.learning.problems.forms import CompiledForm
 from swimmer_mj.learning.problems.swim.reduced import compile_reduced_dynamics, reduced_constants
 from swimmer_mj.learning.problems.swim.swimming import RATE_SCALE, TURN, Swimming

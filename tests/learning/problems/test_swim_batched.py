@@ -7,9 +7,8 @@ import pytest
 import torch
 from numba import njit
 
-from swimmer_mj.compiled.rational_tanh import tanh_of_many
-from swimmer_mj.compiled.simd import cos_sin, sign
-from swimmer_mj.compiled.vectors import LANES, load, store
+from swimmer_mj.compiled.elementary import cos_sin_of_lanes, tanh_of_many
+from swimmer_mj.compiled.vectors import LANES, load, sign, store
 from swimmer_mj.learning.networks.batched import BatchedNetwork
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer
 from swimmer_mj.learning.problems.differentiable import transition, transition_pullback
@@ -139,7 +138,7 @@ def test_network_its_slope_and_the_gradient_of_a_loss_in_both(kind):
 def test_vector_functions():
     @njit
     def apply(x, c, s, signs):
-        a, b = cos_sin(load(x, 0))
+        a, b = cos_sin_of_lanes(load(x, 0))
         store(c, 0, a)
         store(s, 0, b)
         store(signs, 0, sign(load(x, 0)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from swimmer_mj.compiled.rational_tanh import tanh_of_one
+from swimmer_mj.compiled.elementary import tanh_of_one
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer
 from swimmer_mj.learning.networks.policy import GreedyPolicy
 from swimmer_mj.learning.problems.pendulum import Pendulum

@@ -9,8 +9,9 @@ from swimmer_mj.learning.networks.policy import greedy_control, hamiltonian
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.td.continuous_td import TDSettings
+from swimmer_mj.learning.td.features import Axis, RadialBasis, TileCoding
 from swimmer_mj.learning.td.hamiltonian import hamiltonian_by_difference
-from swimmer_mj.learning.td.linear import Axis, LinearTD, RadialBasis, TileCoding
+from swimmer_mj.learning.td.linear import LinearTD
 from swimmer_mj.learning.td.vario_eta import VarioEta
 
 ANGLE = Axis(-math.pi, math.pi, 15, periodic=True)

@@ -7,7 +7,7 @@ import pytest
 import torch
 from numba import njit
 
-from swimmer_mj.compiled.rational_tanh import tanh_of_lanes, tanh_of_one
+from swimmer_mj.compiled.elementary import tanh_of_lanes, tanh_of_one
 from swimmer_mj.compiled.vectors import LANES, load, store
 from swimmer_mj.learning.networks.networks import Cascade
 from swimmer_mj.learning.problems.forms import CompiledForm

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from numba import njit
 
+from swimmer_mj.compiled.elementary import cos_sin
 from swimmer_mj.compiled.vectors import (
     LANES,
     add_lanes,
     aligned_zeros,
     clamp,
-    cos_sin,
     load,
     multiply_add,
     round_up,
