@@ -28,7 +28,8 @@ PYTHON
 
 # Set the environment to that of processor $1, and `expected` to the beginning of what in_force says in it.
 become() {
-    export OMP_NUM_THREADS=4 NUMBA_CACHE_DIR="$work/$1"  # code compiled for one processor is not for another
+    export NUMBA_CACHE_DIR="$work/$1"             # code compiled for one processor is not for another
+    export OMP_NUM_THREADS=4 MKL_DYNAMIC=FALSE    # else there are no more threads than cores
     case $1 in
     this)
         expected="torch"

@@ -23,9 +23,11 @@ from swimmer_mj.parameters import PAPER
 NAME = "second"
 SIZE: dict[Any, Any] = {Multilayer: (8, 8), Cascade: 6}
 TOLERANCE = {torch.float32: 1e-5, torch.float64: 1e-11}
-"""Of weights below 1, speeds and controls. The device's tensors are contiguous where the CPU's are transposed views, and a
-product of matrices of another layout is summed in another order: 3e-8 and 6e-17 here. What decides the sign of a control
-is at least 3e-4 of its terms in all these rounds, so that rounding decides none.
+"""Of weights below 1, speeds and controls.
+
+The device's tensors are contiguous where the CPU's are transposed views, and products of matrices of another layout
+are summed in another order: results differ by 3e-8 and 6e-17. What decides the sign of a control is 3e-4 of its terms
+or more in all these rounds, so that rounding decides none.
 """
 held: dict[int, tuple[Any, Tensor]] = {}  # a storage, which must live on, and the numbers
 
