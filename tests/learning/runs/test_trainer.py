@@ -244,7 +244,8 @@ def test_a_pack_computes_what_its_runs_compute_alone(tmp_path):
     alone.advance()
     resumed = TrainingRun(tmp_path / "alone", resume=True)
     train_together([resumed], trials=40)
-    assert torch.equal(resumed.network.weight, together[1].network.weight)
+    # Not bit for bit: beside vario-eta each weight has a rate of its own, alone each neuron, which is another kernel.
+    assert torch.allclose(resumed.network.weight, together[1].network.weight, rtol=0, atol=1e-12)
 
 
 def test_value_gradients_resume_and_load(tmp_path):
@@ -271,7 +272,7 @@ def test_value_gradients_resume_and_load(tmp_path):
         assert torch.equal(a, b)
     policy, _, _ = load_policy(tmp_path / "parts", "last")
     states = whole.problem.initial_states(np.random.default_rng(0), 5)
-    assert (policy.judge(states).value == whole.learning.judge(states)[0]).all()
+    assert policy.judge(states).value == pytest.approx(whole.learning.judge(states)[0], rel=1e-5)
     assert not np.allclose(policy.judge(states).value, 0)
 
 
