@@ -1,8 +1,18 @@
 import contextlib
+import os
+
+from hypothesis import HealthCheck, settings
 
 from swimmer_mj.render.backend import BackendError, use_backend
+
+# Torch's threads would otherwise spin while they wait, on cores that other tests need: up to a hundred times slower.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 # MuJoCo binds its OpenGL backend at its first import, in whichever test that is. Without a usable one, only
 # the tests that draw fail, and they say what is missing.
 with contextlib.suppress(BackendError):
     use_backend()
+
+# How fast an example is depends on the machine and on what else it does.
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")

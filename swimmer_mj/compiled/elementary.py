@@ -1,6 +1,6 @@
 """Elementary functions of numbers and vectors that LLVM inlines: cosine and sine in float64, tanh in float32.
 
-tanh is a rational function, x P(x^2) / Q(x^2), with an absolute error below 3e-7. Coefficients: ``ptanh_float`` of
+tanh is a rational function, x P(x^2) / Q(x^2), with an absolute error below 5e-7. Coefficients: ``ptanh_float`` of
 Eigen 3.4 (MathFunctionsImpl.h). The three functions here are one, but for the order of operations, and so for the last
 bits:
 

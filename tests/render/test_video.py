@@ -170,7 +170,6 @@ def test_an_abandoned_generator_leaves_nothing_at_exit(tmp_path, episode):
         ],
         capture_output=True,
         text=True,
-        timeout=60,
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "(48, 64, 3)\n", "")
 
@@ -178,7 +177,7 @@ def test_an_abandoned_generator_leaves_nothing_at_exit(tmp_path, episode):
 def read_back(path):
     """What ffmpeg says of a video, and its frames as one string of RGB bytes."""
     command = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
-    done = subprocess.run(command, capture_output=True, check=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, check=True)
     return done.stderr.decode(), done.stdout
 
 

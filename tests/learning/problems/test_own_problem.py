@@ -9,4 +9,6 @@ DOCUMENT = Path(__file__).parents[3] / "docs" / "own-problem.md"
 def test_example_learns(capsys):
     (code,) = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
     exec(compile(code, str(DOCUMENT), "exec"), {})
-    assert float(capsys.readouterr().out) > 0.9
+    assert (
+        float(capsys.readouterr().out) > 0.8
+    )  # before learning 0.07; of 12 seeds one gets to 0.97, all others to 0.998

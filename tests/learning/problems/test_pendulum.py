@@ -66,7 +66,10 @@ def test_compiled_form_agrees():
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_learns_to_swing_up_and_hold(seed):
-    """From hanging and from 64 random states, upright (cos > 0.95 on average) for the last 10 of 20 s."""
+    """From hanging and from 64 random states, upright (cos > 0.95 on average) for the last 10 of 20 s.
+
+    Of 16 seeds one needed 8,000 trials, one 6,500, all others 4,000 or less.
+    """
     pendulum = Pendulum()
     network = Cascade(3, 20, generator=torch.Generator().manual_seed(seed))
     learner = FusedTD(pendulum, network, TDSettings(eta=0.04))
@@ -74,11 +77,11 @@ def test_learns_to_swing_up_and_hold(seed):
     hanging = np.array([[np.pi, 0.0]])
     starts = np.concatenate([hanging, pendulum.initial_states(np.random.default_rng(100), 64)])
     assert learner.rollout(starts, 20.0, skip=10.0).reward.min() < 0  # not before it has learned
-    for _ in range(40):
+    for _ in range(80):
         learner.train(pendulum.initial_states(rng, 500))
         if learner.rollout(starts, 20.0, skip=10.0).reward.min() > 0.95:
             return
-    pytest.fail("did not learn in 20,000 trials")
+    pytest.fail("did not learn in 40,000 trials")
 
 
 @pytest.mark.parametrize(

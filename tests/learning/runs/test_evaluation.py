@@ -66,7 +66,7 @@ def test_processes_share_the_episodes_without_changing_them(policy):
     agent = SwimmingPolicy(policy)
     alone = evaluate_swimming(agent, THREE, n_episodes=4)
     shared = evaluate_swimming(agent, THREE, n_episodes=4, workers=2)
-    assert shared.speeds == pytest.approx(alone.speeds, rel=1e-12)
+    assert shared.speeds == pytest.approx(alone.speeds, rel=1e-9)  # batches of another size
 
 
 def test_recorded_episode_is_the_evaluated_one(policy):

@@ -241,7 +241,12 @@ def test_a_pack_computes_what_its_runs_compute_alone(tmp_path):
     advance(alone)
     resumed = TrainingRun(tmp_path / "alone", resume=True)
     train_together([resumed], trials=40)
+<<<<<<< HEAD:tests/learning/runs/test_runs.py
     assert torch.equal(resumed.learning.network.weight, together[1].learning.network.weight)
+=======
+    # Not bit for bit: beside vario-eta each weight has a rate of its own, alone each neuron, which is another kernel.
+    assert torch.allclose(resumed.learning.network.weight, together[1].learning.network.weight, rtol=0, atol=1e-12)
+>>>>>>> luck:tests/learning/runs/test_trainer.py
 
 
 def test_value_gradients_resume_and_load(tmp_path):
@@ -264,7 +269,7 @@ def test_value_gradients_resume_and_load(tmp_path):
         assert torch.equal(a, b)
     policy, _, _ = load_policy(tmp_path / "parts", "last")
     states = whole.problem.initial_states(np.random.default_rng(0), 5)
-    assert (policy.judge(states).value == whole.learning.judge(states)[0]).all()
+    assert policy.judge(states).value == pytest.approx(whole.learning.judge(states)[0], rel=1e-5)
     assert not np.allclose(policy.judge(states).value, 0)
 
 

@@ -78,7 +78,7 @@ def test_hamiltonian_of_the_true_value_is_zero():
     for x in np.linspace(-2, 2, 9):
         f = problem.drift_and_control_matrix(np.array([x]))[0]
         H = hamiltonian(x**2, w * x**2, np.array([2 * w * x]), f, problem.s_gamma)
-        assert H == pytest.approx(0.0, abs=1e-15)
+        assert H == pytest.approx(0.0, abs=1e-14)  # of terms up to 4
 
 
 def test_greedy_control_maximises_the_hamiltonian():
@@ -115,7 +115,11 @@ def test_weight_derivative_is_eta_H_e():
     assert weight_derivative(np.array([0.1, 0.2]), -3.0, np.array([1.0, 2.0])) == pytest.approx([-0.3, -1.2])
 
 
-@pytest.mark.parametrize("network", [cascade(), Multilayer(3, (8, 8), dtype=torch.float64)])
+def multilayer():
+    return Multilayer(3, (8, 8), generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+
+
+@pytest.mark.parametrize("network", [cascade(), multilayer()])
 def test_gradients_by_finite_differences(network):
     with torch.no_grad():
         for parameter in network.parameters():
@@ -127,7 +131,7 @@ def test_gradients_by_finite_differences(network):
         return network(problem.inputs(torch.tensor(y))).item()
 
     V, dVdx, dVdw = value_and_gradients(network, problem, x)
-    assert value(x) == V
+    assert value(x) == pytest.approx(V, rel=1e-13)
     for i in range(2):
         step = h * np.eye(2)[i]
         assert dVdx[i] == pytest.approx((value(x + step) - value(x - step)) / (2 * h), rel=1e-7, abs=1e-9)
@@ -169,7 +173,8 @@ def test_one_step_is_an_euler_step_of_equation_2():
     problem, network = Pendulum(), cascade()
     settings = TDSettings(eta=0.2, s_lambda=3.0, output_scaling=False)
     learner = ContinuousTD(problem, network, settings)
-    learner.traces[0].copy_(torch.randn(network.weight.shape, dtype=torch.float64))
+    noise = torch.Generator().manual_seed(1)
+    learner.traces[0].copy_(torch.randn(network.weight.shape, generator=noise, dtype=torch.float64))
     x = np.array([0.5, -2.0])
     w, e = network.weight.detach().clone(), learner.traces[0].clone()
     V, dVdx, (dVdw,) = value_and_gradients(network, problem, x)
@@ -178,7 +183,7 @@ def test_one_step_is_an_euler_step_of_equation_2():
     H = np.cos(x[0]) - V + dVdx @ (a + B @ u)
 
     moment = learner.learn_at(x)
-    assert moment.value == V
+    assert moment.value == pytest.approx(V, rel=1e-13)
     assert moment.hamiltonian == pytest.approx(H, rel=1e-14)
     assert (moment.control == u).all()
     expected_w = w + 0.01 * 0.2 * H * e * network.connected

@@ -157,8 +157,8 @@ def test_vector_tanh_is_the_scalar_one():
     assert x.size % LANES == 0
     y = np.empty_like(x)
     tanh_of_vectors(x, y)
-    assert np.abs(y - np.tanh(x.astype(np.float64))).max() < 3e-7
-    assert np.abs(y - np.array([tanh_of_one(v) for v in x])).max() < 1e-7
+    assert np.abs(y - np.tanh(x.astype(np.float64))).max() < 5e-7
+    assert np.abs(y - np.array([tanh_of_one(v) for v in x])).max() < 2e-7
 
 
 @pytest.fixture(scope="module")

@@ -202,10 +202,10 @@ def test_given_initial_states(make):
     states = np.random.default_rng(0).uniform(-1, 1, (4, 8))
     remaining = iter(states)
     env = make("swimmer_mj/Swim3-v0", initial_states=lambda _: next(remaining))
-    np.testing.assert_allclose([env.reset()[0] for _ in states], states, rtol=0, atol=1e-15)
+    np.testing.assert_allclose([env.reset()[0] for _ in states], states, rtol=0, atol=1e-14)
     remaining = iter(states)
     envs = make("swimmer_mj/Swim3-v0", 4, initial_states=lambda _: next(remaining))
-    np.testing.assert_allclose(envs.reset()[0], states, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(envs.reset()[0], states, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("num_envs", [None, 1])
