@@ -241,12 +241,10 @@ def test_a_pack_computes_what_its_runs_compute_alone(tmp_path):
     advance(alone)
     resumed = TrainingRun(tmp_path / "alone", resume=True)
     train_together([resumed], trials=40)
-<<<<<<< HEAD:tests/learning/runs/test_runs.py
-    assert torch.equal(resumed.learning.network.weight, together[1].learning.network.weight)
-=======
     # Not bit for bit: beside vario-eta each weight has a rate of its own, alone each neuron, which is another kernel.
-    assert torch.allclose(resumed.learning.network.weight, together[1].learning.network.weight, rtol=0, atol=1e-12)
->>>>>>> luck:tests/learning/runs/test_trainer.py
+    assert torch.allclose(
+        resumed.learning.network.weight, together[1].learning.network.weight, rtol=0, atol=1e-12
+    )
 
 
 def test_value_gradients_resume_and_load(tmp_path):
