@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 __all__ = ["known_interval", "mean_and_interval", "mean_and_interval_text"]
 
@@ -20,7 +20,7 @@ def mean_and_interval(values: Array) -> tuple[float, tuple[float, float]]:
         return mean, (math.nan, math.nan)
     if np.ptp(values) == 0:
         return mean, (mean, mean)
-    interval = stats.bootstrap((values,), np.mean, n_resamples=9999, rng=np.random.default_rng(0))
+    interval = scipy.stats.bootstrap((values,), np.mean, n_resamples=9999, rng=np.random.default_rng(0))
     return mean, (float(interval.confidence_interval.low), float(interval.confidence_interval.high))
 
 

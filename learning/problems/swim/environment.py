@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swimmer_mj import state as st
-from swimmer_mj.environments import suite
 from swimmer_mj.initial_states import random_initial_state
 from swimmer_mj.intervals import mean_and_interval
 from swimmer_mj.learning.problems.forms import (
@@ -77,10 +76,8 @@ def drawn(problem: Swimming) -> SwimmerForm:
     return SwimmerForm(problem.parameters, record)
 
 
-def learned(problem: Swimming) -> TrialsForm | None:
-    """Trials in dm_control, for ``physics="mujoco"``."""
-    if problem.physics != "mujoco":
-        return None
+def learned(problem: Swimming) -> TrialsForm:
+    """Trials in dm_control."""
     return TrialsForm(partial(learn_in_environment, problem.parameters))
 
 
@@ -110,6 +107,8 @@ def learn_in_environment(
     parameters: SwimmerParameters, learner: Learner, states: Array, duration: float, dt: float
 ) -> list[Moment]:
     """One trial from each of ``states`` in the dm_control environment itself, learning from its observations."""
+    from swimmer_mj.environments import suite  # dm_control, when it is needed
+
     remaining = iter(states)
     environment = suite.swim(
         parameters,
@@ -177,6 +176,8 @@ def evaluate_swimming(
 
 def _episode_speeds(agent: Agent, parameters: SwimmerParameters, states: Array) -> Array:
     """Speed of each of the episodes that start at ``states``, which are stepped side by side."""
+    from swimmer_mj.environments import suite  # dm_control, when it is needed
+
     remaining = iter(states)
     environments = [
         suite.swim(parameters, time_limit=EPISODE_DURATION, initial_states=lambda _: next(remaining))
@@ -218,6 +219,8 @@ def record_episode(
     target_direction : callable
         From time (s) to the angle to swim to (rad, from the x axis).
     """
+    from swimmer_mj.environments import suite  # dm_control, when it is needed
+
     n = parameters.n_links
     environment = suite.swim(parameters, time_limit=duration, initial_states=lambda _: initial_state)
     environment.reset()

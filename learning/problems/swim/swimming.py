@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal, Self, TypeVar
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
 
 import numpy as np
 import torch
@@ -19,7 +20,6 @@ from numpy.typing import NDArray
 
 from swimmer_mj import state as st
 from swimmer_mj.analytic import AnalyticSwimmer
-from swimmer_mj.dynamics import Dynamics, MujocoSwimmer
 from swimmer_mj.initial_states import InitialLaw, random_initial_state
 from swimmer_mj.integrators import euler_step, rk4_step
 from swimmer_mj.learning.problems.forms import (
@@ -33,6 +33,9 @@ from swimmer_mj.learning.problems.forms import (
 )
 from swimmer_mj.learning.problems.problem import require_choices
 from swimmer_mj.parameters import PAPER, SwimmerParameters
+
+if TYPE_CHECKING:
+    from swimmer_mj.dynamics import Dynamics
 
 __all__ = ["RATE_SCALE", "TURN", "Swimming"]
 
@@ -64,8 +67,6 @@ class Swimming:
     initial_law: InitialLaw = "moderate"
     """See :func:`swimmer_mj.initial_states.random_initial_state`."""
 
-    named: ClassVar[str] = "swim"
-
     def __post_init__(self) -> None:
         require_choices(self)
         if self.parameters.n_links < 2:
@@ -88,7 +89,11 @@ class Swimming:
     @cached_property
     def dynamics(self) -> Dynamics:
         """The equations of motion in the full state."""
-        return (AnalyticSwimmer if self.physics == "analytic" else MujocoSwimmer)(self.parameters)
+        if self.physics == "analytic":
+            return AnalyticSwimmer(self.parameters)
+        from swimmer_mj.dynamics import MujocoSwimmer
+
+        return MujocoSwimmer(self.parameters)
 
     @property
     def name(self) -> str:
@@ -152,18 +157,23 @@ class Swimming:
 
     def form(self, kind: type[Form]) -> Form | None:
         """The swimmer in another form; of a subclass, which may have equations or a reward of its own, none."""
-        if type(self) is not Swimming:
+        if type(self) is not Swimming or (kind is TrialsForm and self.physics != "mujoco"):
             return None
-        # Each form in a file of its own, imported when it is asked for
-        from swimmer_mj.learning.problems.swim import batched, environment, lanes, scalar, torch_form
+        # Each form in a file of its own, which is imported when it is asked for
+        place = _FORMS.get(kind)
+        if place is None:
+            return None
+        module, make = place
+        return getattr(import_module(f"swimmer_mj.learning.problems.swim.{module}"), make)(self)
 
-        make = {
-            TorchForm: torch_form.make,
-            CompiledForm: scalar.make,
-            LanesForm: lanes.make,
-            BatchForm: batched.make,
-            EnvironmentForm: environment.judged,
-            SwimmerForm: environment.drawn,
-            TrialsForm: environment.learned,
-        }.get(kind)
-        return None if make is None else make(self)  # pyright: ignore[reportReturnType] - of the kind asked for
+
+_FORMS: dict[type[Any], tuple[str, str]] = {
+    TorchForm: ("torch_form", "make"),
+    CompiledForm: ("scalar", "make"),
+    LanesForm: ("lanes", "make"),
+    BatchForm: ("batched", "make"),
+    EnvironmentForm: ("environment", "judged"),
+    SwimmerForm: ("environment", "drawn"),
+    TrialsForm: ("environment", "learned"),
+}
+"""Module and function of each form."""
