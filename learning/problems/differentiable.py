@@ -19,6 +19,7 @@ from torch import Tensor
 
 from swimmer_mj.learning.problems.forms import Field, TorchForm
 from swimmer_mj.learning.problems.problem import ControlProblem, step_by_euler
+from swimmer_mj.learning.problems.settings import require_positive
 
 __all__ = ["DifferentiableProblem", "TorchProblem", "require_torch", "transition", "transition_pullback"]
 
@@ -58,8 +59,7 @@ class TorchProblem:
 
     def __post_init__(self: _Equations) -> None:
         # Functions whose results have other shapes, or are not finite at a state that is drawn, are refused.
-        if not (math.isfinite(self.s_gamma) and self.s_gamma > 0):
-            raise ValueError(f"s_gamma must be positive and finite, got {self.s_gamma!r}")
+        require_positive(self, "s_gamma")
         if not self.limits or not all(math.isfinite(U) and U > 0 for U in self.limits):
             raise ValueError(f"limits must be positive and finite, one per control; got {self.limits!r}")
         drawn = np.shape(self.draw(np.random.default_rng(0), 3))

@@ -11,7 +11,7 @@ Beside these functions, in NumPy, a problem may offer other forms of itself: :mo
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal, Protocol, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -30,7 +30,6 @@ __all__ = [
     "episode_shares",
     "episode_steps",
     "episode_sums",
-    "require_choices",
     "require_euler",
     "step_by_euler",
 ]
@@ -103,14 +102,6 @@ class ControlProblem(Protocol):
         forms of its base class.
         """
         ...
-
-
-def require_choices(settings: object) -> None:
-    """Refuse a dataclass one of whose fields of type ``Literal[..]`` has another value."""
-    for name, hint in get_type_hints(type(settings)).items():
-        if get_origin(hint) is Literal and getattr(settings, name) not in get_args(hint):
-            choices = ", ".join(map(repr, get_args(hint)))
-            raise ValueError(f"{name} must be one of {choices}; got {getattr(settings, name)!r}")
 
 
 def as_states(states: Array, p: int) -> Array:

@@ -16,7 +16,6 @@ tensors, some 2,800 times as fast (``swimmer-mj bench``), and a test holds them 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -29,6 +28,7 @@ from swimmer_mj.learning.networks.networks import ValueNetwork
 from swimmer_mj.learning.networks.policy import greedy_control, hamiltonian
 from swimmer_mj.learning.problems.forms import Moment
 from swimmer_mj.learning.problems.problem import ControlProblem
+from swimmer_mj.learning.problems.settings import require_not_negative, require_positive
 from swimmer_mj.learning.td import vario_eta
 from swimmer_mj.learning.td.vario_eta import VarioEta
 
@@ -62,12 +62,8 @@ class TDSettings:
     """Vario-eta (paper, 3.2), which then sets the rates after each trial; None: rates are fixed."""
 
     def __post_init__(self) -> None:
-        for name in ("eta", "dt", "trial_duration"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be positive and finite, got {value!r}")
-        if not (math.isfinite(self.s_lambda) and self.s_lambda >= 0):
-            raise ValueError(f"s_lambda must be finite and not negative, got {self.s_lambda!r}")
+        require_positive(self, "eta", "dt", "trial_duration")
+        require_not_negative(self, "s_lambda")
         if self.trial_duration < self.dt:
             raise ValueError(f"trial_duration must be at least dt = {self.dt}, got {self.trial_duration!r}")
 

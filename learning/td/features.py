@@ -18,6 +18,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from swimmer_mj.learning.problems.settings import require_positive
+
 __all__ = ["OPTIONS", "Axis", "CompiledFeatures", "Features", "RadialBasis", "TileCoding"]
 
 Array = NDArray[np.float64]
@@ -193,8 +195,7 @@ class RadialBasis:
 
     def __post_init__(self) -> None:
         _require_axes(self.axes)
-        if not (math.isfinite(self.width) and self.width > 0):
-            raise ValueError(f"width must be positive and finite, got {self.width!r}")
+        require_positive(self, "width")
 
     @property
     def size(self) -> int:
@@ -290,8 +291,7 @@ class TileCoding:
         _require_axes(self.axes)
         if self.n_tilings < 1:
             raise ValueError(f"n_tilings must be at least 1, got {self.n_tilings}")
-        if not (math.isfinite(self.slope_width) and self.slope_width > 0):
-            raise ValueError(f"slope_width must be positive and finite, got {self.slope_width!r}")
+        require_positive(self, "slope_width")
 
     @property
     def _counts(self) -> list[int]:

@@ -31,12 +31,13 @@ Our choices, of what TD(lambda) leaves open:
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from swimmer_mj.learning.problems.settings import require_positive
 
 __all__ = [
     "Firing",
@@ -65,10 +66,7 @@ class LevenbergMarquardt:
     def __post_init__(self) -> None:
         if not 0 < self.gamma <= 1:
             raise ValueError(f"gamma must be in (0, 1], got {self.gamma!r}")
-        for name in ("mu", "initial_curvature"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be positive and finite, got {value!r}")
+        require_positive(self, "mu", "initial_curvature")
 
 
 class Firing(NamedTuple):

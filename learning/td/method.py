@@ -19,7 +19,8 @@ from swimmer_mj.learning.method import Along
 from swimmer_mj.learning.networks.networks import Cascade, DType, Sigmoid
 from swimmer_mj.learning.networks.policy import GreedyPolicy
 from swimmer_mj.learning.problems.forms import CompiledForm, Learner, TrialsForm
-from swimmer_mj.learning.problems.problem import DT, ControlProblem, episode_shares, require_choices
+from swimmer_mj.learning.problems.problem import DT, ControlProblem, episode_shares
+from swimmer_mj.learning.problems.settings import require_choices
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
 from swimmer_mj.learning.td.population import LANES, PopulationTD

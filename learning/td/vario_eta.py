@@ -5,9 +5,10 @@ Written for anything that multiplies like an array: NumPy arrays, torch tensors,
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TypeVar
+
+from swimmer_mj.learning.problems.settings import require_positive
 
 __all__ = ["VarioEta", "learning_rate", "variance"]
 
@@ -28,10 +29,7 @@ class VarioEta:
     def __post_init__(self) -> None:
         if not 0 < self.beta <= 1:
             raise ValueError(f"beta must be in (0, 1], got {self.beta!r}")
-        for name in ("epsilon", "initial_variance"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be positive and finite, got {value!r}")
+        require_positive(self, "epsilon", "initial_variance")
 
 
 def variance(v: T, change: T, rate: T, beta: float) -> T:

@@ -16,7 +16,8 @@ from swimmer_mj.learning.method import TRIAL_SECONDS, Along
 from swimmer_mj.learning.networks.networks import Cascade, DType, Multilayer, Sigmoid, ValueNetwork
 from swimmer_mj.learning.networks.policy import GreedyPolicy
 from swimmer_mj.learning.problems.forms import TrialsForm
-from swimmer_mj.learning.problems.problem import ControlProblem, require_choices
+from swimmer_mj.learning.problems.problem import ControlProblem
+from swimmer_mj.learning.problems.settings import require_choices
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
 

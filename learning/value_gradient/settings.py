@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+
+from swimmer_mj.learning.problems.settings import require_not_negative, require_positive
 
 __all__ = ["ValueGradientSettings"]
 
@@ -48,14 +49,8 @@ class ValueGradientSettings:
             value = getattr(self, name)
             if not (isinstance(value, int) and value >= 1):
                 raise ValueError(f"{name} must be an integer of at least 1, got {value!r}")
-        for name in ("dt", "trial_duration", "learning_rate", "half_life", "final_rate", "clip"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be positive and finite, got {value!r}")
-        for name in ("value_weight", "slope_weight"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"{name} must be finite and not negative, got {value!r}")
+        require_positive(self, "dt", "trial_duration", "learning_rate", "half_life", "final_rate", "clip")
+        require_not_negative(self, "value_weight", "slope_weight")
         if not self.s_lambda >= 0:
             raise ValueError(f"s_lambda must not be negative, got {self.s_lambda!r}")
         if not 0 <= self.flips <= 0.5:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from swimmer_mj.learning.problems.differentiable import TorchProblem
+from swimmer_mj.learning.problems.settings import require_not_negative, require_positive
 
 __all__ = ["CartPole"]
 
@@ -45,12 +46,8 @@ class CartPole(TorchProblem):
     name = "cart-pole"
 
     def __post_init__(self) -> None:
-        for name in ("cart_mass", "pole_mass", "half_length", "force_limit"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be positive and finite, got {value!r}")
-        if not (math.isfinite(self.gravity) and self.gravity >= 0):
-            raise ValueError(f"gravity must be finite and not negative, got {self.gravity!r}")
+        require_positive(self, "cart_mass", "pole_mass", "half_length", "force_limit")
+        require_not_negative(self, "gravity")
         super().__post_init__()
 
     @property

@@ -6,7 +6,6 @@ which is half of what lifting it straight up takes; r = cos(theta). doi:10.1162/
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.learning.problems.forms import CompiledForm, TorchForm
 from swimmer_mj.learning.problems.problem import step_by_euler
+from swimmer_mj.learning.problems.settings import require_not_negative, require_positive
 
 __all__ = ["RATE_SCALE", "Constants", "Pendulum"]
 
@@ -46,14 +46,8 @@ class Pendulum:
     s_gamma: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("mass", "length", "torque_limit", "s_gamma"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be positive and finite, got {value!r}")
-        for name in ("gravity", "damping"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"{name} must be finite and not negative, got {value!r}")
+        require_positive(self, "mass", "length", "torque_limit", "s_gamma")
+        require_not_negative(self, "gravity", "damping")
 
     name = "pendulum"
     state_size = 2

@@ -31,11 +31,11 @@ from swimmer_mj.learning.problems.forms import (
     TorchForm,
     TrialsForm,
 )
-from swimmer_mj.learning.problems.problem import require_choices
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 if TYPE_CHECKING:
     from swimmer_mj.dynamics import Dynamics
+from swimmer_mj.learning.problems.settings import require_choices, require_positive
 
 __all__ = ["RATE_SCALE", "TURN", "Swimming"]
 
@@ -73,8 +73,7 @@ class Swimming:
             raise ValueError(
                 f"a swimmer needs at least 2 links to have a joint to move, got {self.parameters.n_links}"
             )
-        if not (math.isfinite(self.s_gamma) and self.s_gamma > 0):
-            raise ValueError(f"s_gamma must be positive and finite, got {self.s_gamma!r}")
+        require_positive(self, "s_gamma")
 
     @classmethod
     def from_options(
