@@ -14,6 +14,8 @@ Files go to NUMBA_CACHE_DIR if it is set, else to ``__pycache__`` beside this fi
 user. If none can be written, nothing is kept.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (numba fills its config when it is imported.)
 from __future__ import annotations
 
 import os
@@ -135,14 +137,14 @@ class _DiskCache(NullCache):
             return None
         return CompileResult._rebuild(target_context, *pickle.loads(content))
 
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the result ``data`` of compiling for arguments of these types."""
-        place = self._place(sig, data.codegen)
-        if place is None or data.library.has_dynamic_globals or data.lifted:
+    def save_overload(self, sig: Any, cres: Any) -> None:
+        """Keep ``cres``, numba's result of compiling for arguments of these types."""
+        place = self._place(sig, cres.codegen)
+        if place is None or cres.library.has_dynamic_globals or cres.lifted:
             return
         path, stamp = place
-        _, *rest = data._reduce()
-        content = dumps(((data.library.name, "object", _object_code(data)), *rest))
+        _, *rest = cres._reduce()
+        content = dumps(((cres.library.name, "object", _object_code(cres)), *rest))
         with suppress(OSError), replacing(path) as partial:
             partial.write_bytes(f"{stamp} {sha256(content)}\n".encode() + content)
 
