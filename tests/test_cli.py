@@ -2,6 +2,7 @@ import dataclasses
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -182,6 +183,7 @@ def test_paths_are_printed_as_they_are(tmp_path, monkeypatch, capsys, trained):
     monkeypatch.setattr(backend, "probe", no_library)
     status, out, _ = run(capsys, "doctor")
     assert status == 1
+    assert re.search(r"^ +rendering +FAILED *$", out, re.MULTILINE)
     assert out.endswith(f"\nrendering: {folder}\n")
 
 
@@ -252,6 +254,19 @@ def test_doctor(capsys):
     assert report["callback"]["passed"] is True
     assert report["rendering"]["backend"] == "osmesa"
     assert report["versions"]["mujoco"].startswith("3.")
+
+
+def test_doctor_and_info_print_tables_for_people(monkeypatch, capsys, trained):
+    status, out, _ = run(capsys, "doctor")
+    rows = dict(line.split(maxsplit=1) for line in out.splitlines() if len(line.split()) > 1)
+    assert status == 0
+    assert rows["mujoco"].startswith("3.")
+    assert rows["rendering"].startswith("ok: osmesa drew a frame in ")
+    assert rows["callback"].startswith("ok: ")
+    status, out, _ = run(capsys, "info", trained)
+    rows = dict(line.split(maxsplit=1) for line in out.splitlines() if len(line.split()) > 1)
+    assert (status, rows["config.problem.parameters.n_links"].strip()) == (0, "2")
+    assert "{" not in out
 
 
 def test_info(capsys, trained):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json as json_module
 import os
 import time
 from pathlib import Path
@@ -15,6 +14,7 @@ from swimmer_mj.cli.output import (
     make_console,
     make_table,
     print_checks,
+    print_facts,
     print_json,
     print_line,
     status,
@@ -127,10 +127,25 @@ def doctor(backend: Backend | None = None, json: bool = False) -> None:
         report["callback"] = {"error": str(error)}
     report["problems"] = problems
     console = make_console(json)
-    console.print_json(json_module.dumps(report))
+    print_facts(console, _found(report))
     if json:
         print_json(report)
     for problem in problems:
         print_line(console, problem, style="red")
     if problems:
         raise CheckFailedError
+
+
+def _found(report: dict[str, Any]) -> dict[str, Any]:
+    """What :func:`doctor` found, for its table."""
+    failed = {problem.partition(":")[0] for problem in report["problems"]}
+    frame, callback = report["rendering"], report["callback"]
+    facts = {name: report[name] for name in ("python", "platform", "cores")} | report["versions"]
+    facts["rendering"] = facts["callback"] = "FAILED"
+    if "rendering" not in failed:
+        facts["rendering"] = f"ok: {frame['backend']} drew a frame in {frame['first_frame_seconds']:.2f} s"
+    if "callback" not in failed:
+        facts["callback"] = (
+            f"ok: {callback['name']}: error {callback['error']:.1e}, at most {callback['tolerance']:.0e}"
+        )
+    return facts

@@ -92,7 +92,7 @@ def print_facts(console: Console, facts: Mapping[str, Any]) -> None:
     from rich.text import Text
 
     table = make_table(None, ("", ""))
-    table.columns[1].justify = "left"
+    table.show_header, table.columns[1].justify = False, "left"
     for name, value in _flat(facts):
         table.add_row(name, Text(value))
     console.print(table)
