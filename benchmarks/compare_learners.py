@@ -110,7 +110,7 @@ def number(value: float) -> str:
 
 
 def mean_words(values: Array, unit: str) -> str:
-    """Mean and bootstrap 95 % interval; of a few, which have none to speak of, each."""
+    """Mean and 95 % interval; of a few, which have none to speak of, each."""
     if len(values) < 5:
         return f"{', '.join(map(number, values))} {unit}"
     mean, (low, high) = mean_and_interval(values)

@@ -10,7 +10,7 @@ evaluates the best weights of each seed in a directory of runs of 5 links that `
   parameters it learned with;
 - with the mass, length and torque limit of every link and joint, and the friction, drawn from -10 % to 10 %.
 
-One CSV with a row a seed and change, and a table of means and bootstrap 95 % intervals over seeds.
+One CSV with a row a seed and change, and a table of means and 95 % intervals over seeds.
 """
 
 from __future__ import annotations

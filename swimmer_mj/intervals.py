@@ -1,4 +1,9 @@
-"""Means and their intervals, for people and for JSON."""
+"""Means and their intervals, for people and for JSON.
+
+All are Student's t intervals. With 8 to 10 seeds they cover the mean of normal values in 95 % of cases, where
+bootstrap intervals (percentile, BCa) cover it in 87 to 91 %; of skewed values all of them cover less.
+``benchmarks/interval_coverage.py`` simulates both, and docs/metrics.md has its table.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +17,23 @@ __all__ = ["known_interval", "mean_and_interval", "mean_and_interval_text"]
 
 Array = NDArray[np.float64]
 
+LEVEL = 0.95
+
 
 def mean_and_interval(values: Array) -> tuple[float, tuple[float, float]]:
-    """Mean and its bootstrap 95 % interval (BCa, 10,000 resamples of fixed seed), which is nan for a single value."""
-    mean = float(values.mean())
-    if len(values) == 1:
+    """Mean of independent values, and its 95 % interval, nan for a single value.
+
+    mean -+ t s / sqrt(n), with the deviation s of the n values and the quantile t of Student's distribution with
+    n - 1 degrees of freedom.
+    """
+    mean, n = float(values.mean()), len(values)
+    if n == 1:
         return mean, (math.nan, math.nan)
     if np.ptp(values) == 0:
         return mean, (mean, mean)
-    interval = scipy.stats.bootstrap((values,), np.mean, n_resamples=9999, rng=np.random.default_rng(0))
-    return mean, (float(interval.confidence_interval.low), float(interval.confidence_interval.high))
+    quantile = scipy.special.stdtrit(n - 1, (1 + LEVEL) / 2)
+    half = float(quantile * values.std(ddof=1) / math.sqrt(n))
+    return mean, (mean - half, mean + half)
 
 
 def known_interval(interval: tuple[float, float]) -> tuple[float, float] | None:

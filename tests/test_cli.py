@@ -406,6 +406,8 @@ def test_evaluate(capsys, trained):
     assert result["n_episodes"] == 2
     low, high = result["speed_ci95"]
     assert low <= result["speed_mean"] <= high
+    assert {"steady_speed_mean", "first_5s_speed_mean", "discounted_return_mean"} < result.keys()
+    assert result["units"]["steady_speed"] == result["unit"] == "m/s"
     assert result["value_rmse"] >= abs(result["value_bias"])
     assert result["value_bias"] == pytest.approx(result["mean_value"] - result["mean_return"])
 

@@ -6,10 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import docs_tables
 import pytest
 
 from swimmer_mj.cli import main
-from swimmer_mj.learning.experiments.summaries import LOGS, TABLES
 from swimmer_mj.learning.runs.run import Metrics
 
 ROOT = Path(__file__).parents[1]
@@ -162,11 +162,25 @@ def test_make_targets_exist():
 
 
 # Facts stated twice
-@pytest.mark.parametrize(
-    "name", ["value-gradient-ablation", "value-gradient-lasting", "value-gradient-links"]
-)
-def test_a_table_of_value_gradients_is_what_the_logs_say(name):
-    assert TABLES[name](LOGS).markdown() in page("docs/beyond.md")
+@pytest.mark.parametrize("path", docs_tables.PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_the_tables_of_a_page_are_what_the_logs_say(path):
+    """If not: python benchmarks/docs_tables.py."""
+    text = path.read_text(encoding="utf-8")
+    assert docs_tables.with_tables(text) == text
+
+
+def test_every_table_that_is_made_from_logs_is_in_a_page():
+    marked = [mark[1] for path in docs_tables.PAGES for mark in docs_tables.MARKED.findall(path.read_text())]
+    assert sorted(marked) == sorted(docs_tables.TABLES)
+
+
+def test_a_table_that_is_off_or_unknown_is_noticed():
+    text = "<!-- table: value-gradient-links -->\n| 5 | 3.0 |\n<!-- end -->\n"
+    assert "| 5 | 10 | 2." in docs_tables.with_tables(text)
+    with pytest.raises(ValueError, match="there is no table 'speed'"):
+        docs_tables.with_tables("<!-- table: speed -->\n<!-- end -->\n")
+    with pytest.raises(ValueError, match="no <!-- end -->"):
+        docs_tables.with_tables("<!-- table: value-gradient-links -->\n")
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))

@@ -36,7 +36,7 @@ def main(run: tyro.conf.Positional[Path], name: tyro.conf.Positional[str], chose
     swimmer = config.problem.form(SwimmerForm)
     if swimmer is None:
         raise SystemExit(f"{run} learned {config.problem.name!r}; only swimmers are shipped")
-    speed = evaluate_swimming(SwimmingPolicy(policy), swimmer.parameters)
+    speed = evaluate_swimming(SwimmingPolicy(policy, batches=True), swimmer.parameters)
     tensors, info = load_checkpoint(run / BEST)
     commit = subprocess.run(
         ["git", "rev-parse", "--short=12", "HEAD"], check=True, capture_output=True, text=True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -56,6 +57,14 @@ class GreedyPolicy(Generic[Network]):
         """u, shape (..., q), at ``x``, shape (..., p)."""
         return self.judge(x).control
 
+    def acting(self) -> Callable[[Array], Array]:
+        """u (N, q) at x (N, p) by the fastest actor there is, with the weights as they are now."""
+        actor = actor_for(self.problem, self.network)
+        if actor is None:
+            return self
+        weights = self._weights()
+        return lambda x: actor.control(weights, as_states(x, self.problem.state_size))
+
     def episodes(self, states: Array, shares: Array, dt: float) -> Array:
         """Sums (N,) of the reward rates times ``shares`` (steps,) over episodes from ``states``, (N, p).
 
@@ -65,6 +74,8 @@ class GreedyPolicy(Generic[Network]):
         actor = actor_for(self.problem, self.network)
         if actor is None:
             return episode_sums(self.problem, self, states, shares, dt)
-        with torch.no_grad():
-            weights = torch.cat([w.flatten() for w in self.network.parameters()])
-            return actor.episodes(weights, states, shares, dt)
+        return actor.episodes(self._weights(), states, shares, dt)
+
+    def _weights(self) -> Tensor:
+        """A copy of all weights in a row."""
+        return torch.cat([weight.detach().flatten() for weight in self.network.parameters()])

@@ -18,7 +18,7 @@ Forms state the same problem, and tests hold them equal to its NumPy functions.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from swimmer_mj.trajectory import Trajectory
 
 __all__ = [
     "BatchForm",
+    "BatchPolicy",
     "CompiledForm",
     "Encoding",
     "EnvironmentForm",
@@ -38,6 +39,7 @@ __all__ = [
     "Learner",
     "Moment",
     "Policy",
+    "Score",
     "SwimmerForm",
     "TorchForm",
     "TrialsForm",
@@ -187,16 +189,37 @@ class Policy(Protocol):
         ...
 
 
+@runtime_checkable
+class BatchPolicy(Policy, Protocol):
+    """A policy with a faster way to act on batches."""
+
+    def acting(self) -> Callable[[Array], Array]:
+        """States (N, p) -> controls (N, q), as of now: what is learned later is not in it."""
+        ...
+
+
+class Score(NamedTuple):
+    """What was measured of each episode."""
+
+    measure: str
+    """A word: "speed", "return"."""
+    unit: str
+    values: Array
+    """Of each episode."""
+
+
 class EnvironmentForm(NamedTuple):
     """The environment in which policies are judged, whatever they learned on."""
 
     measure: str
-    """What is measured, a word: "speed", "return"."""
+    """What a policy is judged by, a word: "speed", "return"."""
     unit: str
     starts: Callable[[int], Array]
     """The initial states of so many episodes of an evaluation, shape (count, p)."""
     evaluate: Callable[[Policy, int, int], Array]
     """(policy, n_episodes, workers): of each episode."""
+    scores: Callable[[Policy, int, int], Sequence[Score]] | None = None
+    """The same with all that is measured in one pass over the episodes, ``measure`` first; None if that is all."""
 
 
 class SwimmerForm(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.integrators import rk4_step
 from swimmer_mj.intervals import known_interval, mean_and_interval
-from swimmer_mj.learning.problems.forms import EnvironmentForm, Policy
+from swimmer_mj.learning.problems.forms import EnvironmentForm, Policy, Score
 from swimmer_mj.learning.problems.problem import (
     DT,
     EPISODE_DURATION,
@@ -23,41 +23,38 @@ from swimmer_mj.learning.problems.problem import (
 )
 from swimmer_mj.learning.runs.run import evaluation_sample, evaluation_starts, load_policy
 
-__all__ = ["Episode", "Score", "evaluate_run", "monte_carlo_value", "record_episode", "score"]
+__all__ = ["Episode", "evaluate_run", "monte_carlo_value", "record_episode", "scores"]
 
 Array = NDArray[np.float64]
 
 
-class Score(NamedTuple):
-    """How good a policy is."""
+def scores(policy: Policy, episodes: int, workers: int = 1) -> Sequence[Score]:
+    """All that is measured in the problem's environment, first what it is judged by.
 
-    measure: str
-    """What was measured, a word."""
-    unit: str
-    values: Array
-    """Of each episode."""
-
-
-def score(policy: Policy, episodes: int, workers: int = 1) -> Score:
-    """In the problem's environment; without one, the mean reward rate of episodes by its equations."""
+    Without an environment, the mean reward rate of episodes by its equations.
+    """
     problem = policy.problem
     environment = problem.form(EnvironmentForm)
-    if environment is not None:
-        values = environment.evaluate(policy, episodes, workers)
-        return Score(environment.measure, environment.unit, values)
-    shares = episode_shares(EPISODE_DURATION, SETTLING_TIME, DT)
-    return Score("reward", "", policy.episodes(evaluation_starts(problem)[:episodes], shares, DT))
+    if environment is None:
+        shares = episode_shares(EPISODE_DURATION, SETTLING_TIME, DT)
+        values = policy.episodes(evaluation_starts(problem)[:episodes], shares, DT)
+        return [Score("reward", "", values)]
+    if environment.scores is None:
+        return [Score(environment.measure, environment.unit, environment.evaluate(policy, episodes, workers))]
+    return environment.scores(policy, episodes, workers)
 
 
 def evaluate_run(
     directory: str | os.PathLike[str], which: Literal["best", "last"] = "best", episodes: int = 64
 ) -> dict[str, Any]:
-    """The score of a run's policy; bias and error of its V against returns, by equation 1."""
+    """The scores of a run's policy; bias and error of its V against returns, by equation 1."""
     policy, config, info = load_policy(directory, which)
     problem = config.problem
-    # A process takes seconds to start.
-    name, unit, values = score(policy, episodes, (os.cpu_count() or 1) if episodes > 8 else 1)
-    mean, interval = mean_and_interval(values)
+    measured = scores(policy, episodes, os.cpu_count() or 1)
+    found: dict[str, Any] = {}
+    for name, _, values in measured:
+        found[f"{name}_mean"], interval = mean_and_interval(values)
+        found[f"{name}_ci95"] = known_interval(interval)
     states = evaluation_sample(problem)
     sample = policy.judge(states)
     returns = policy.episodes(states, discount_shares(problem.s_gamma, 10.0 / problem.s_gamma, DT), DT)
@@ -65,10 +62,10 @@ def evaluate_run(
         "run": str(Path(directory)),
         "seed": config.seed,
         "trials": info["trial"],
-        f"{name}_mean": mean,
-        f"{name}_ci95": known_interval(interval),
-        "measure": name,
-        "unit": unit,
+        "measure": measured[0].measure,
+        "unit": measured[0].unit,
+        "units": {one.measure: one.unit for one in measured},
+        **found,
         "n_episodes": episodes,
         "mean_value": float(sample.value.mean()),
         "mean_squared_hamiltonian": float((sample.hamiltonian**2).mean()),

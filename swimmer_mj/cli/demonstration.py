@@ -80,7 +80,7 @@ def demo(
             f"{DEMO_SECONDS:.0f} s were not enough for one evaluation on this machine; use train instead"
         )
 
-    console.rule("3. Evaluation: dm_control on MuJoCo, 64 episodes of 20 s")
+    console.rule("3. Evaluation: dm_control on MuJoCo, 64 episodes of 60 s")
     result = evaluate_run(best.directory, "best", episodes=64)
     print_evaluation(console, result)
 

@@ -109,7 +109,7 @@ def _flat(facts: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str
 
 
 def print_evaluation(console: Console, result: dict[str, Any]) -> None:
-    """What :func:`swimmer_mj.learning.runs.evaluation.evaluate_run` found, in two lines."""
+    """What :func:`swimmer_mj.learning.runs.evaluation.evaluate_run` found, in a few lines."""
     measure, unit = result["measure"], result["unit"]
     name = "swimming speed" if measure == "speed" else f"mean {measure}"
     of_V, of_H2 = (" m", " m²/s²") if measure == "speed" else ("", "")
@@ -117,9 +117,15 @@ def print_evaluation(console: Console, result: dict[str, Any]) -> None:
     if (interval := result[f"{measure}_ci95"]) is not None:
         episodes = f"95 % interval over {episodes}: {interval[0]:.3f} to {interval[1]:.3f}"
     value = f"{result[f'{measure}_mean']:.3f} {unit}".strip()
+    others = [
+        f"{other.replace('_', ' ')} {result[f'{other}_mean']:.3f} {its_unit}".strip()
+        for other, its_unit in result["units"].items()
+        if other != measure
+    ]
     console.print(
         f"seed {result['seed']}, {result['trials']:,} trials: {name} [bold]{value}[/bold] ({episodes})\n"
-        f"<V> {result['mean_value']:.3f}{of_V} against a mean return of {result['mean_return']:.3f}{of_V} "
+        + (f"{', '.join(others)}\n" if others else "")
+        + f"<V> {result['mean_value']:.3f}{of_V} against a mean return of {result['mean_return']:.3f}{of_V} "
         f"(root mean square error {result['value_rmse']:.3f}{of_V}), "
         f"<H²> {result['mean_squared_hamiltonian']:.3f}{of_H2}"
     )

@@ -35,14 +35,15 @@ def evaluate(
 ) -> None:
     """How good is what a run has learned, and how far is V from the returns it predicts.
 
-    A swimmer's swimming speed, in dm_control on MuJoCo; of another problem, the mean reward rate over the last 10 of
-    20 s.
+    A swimmer's swimming speed, in dm_control on MuJoCo, and beside it its steady speed (from 30 to 60 s), the speed of
+    its first 5 s, and the discounted return of equation 1; of another problem, the mean reward rate over the last 10
+    of 20 s.
 
     Args:
         run: Run directory; with several seeds in it, each is evaluated and the interval is over seeds. Or the name of
             a pretrained policy, such as swim5-paper.
         which: The weights that were best while training, or the last.
-        episodes: Episodes of 20 s; 64 by the definition of swimming speed.
+        episodes: How many episodes; 64 by the definition of swimming speed.
         json: Print one JSON object.
     """
     if not 1 <= episodes <= 64:
@@ -60,14 +61,10 @@ def evaluate(
         (summary,) = results
     else:
         summary = _over_seeds(results)
-        measure = summary["measure"]
-        mean, (low, high) = summary[f"{measure}_mean"], summary[f"{measure}_ci95"]
-        unit = results[0]["unit"]
-        console.print(
-            f"{len(results)} seeds: {mean:.3f} {unit}, 95 % interval {low:.3f} to {high:.3f}".replace(
-                "  ", " "
-            )
-        )
+        for measure, unit in results[0]["units"].items():
+            mean, (low, high) = summary[f"{measure}_mean"], summary[f"{measure}_ci95"]
+            line = f"{measure.replace('_', ' ')} {mean:.3f} {unit}".strip()
+            console.print(f"{len(results)} seeds: {line}, 95 % interval {low:.3f} to {high:.3f}")
     if json:
         print_json(summary)
 
@@ -78,12 +75,13 @@ def _over_seeds(results: list[dict[str, Any]]) -> dict[str, Any]:
 
     from swimmer_mj.intervals import mean_and_interval
 
-    measure = results[0]["measure"]
-    mean, interval = mean_and_interval(np.array([result[f"{measure}_mean"] for result in results]))
+    found: dict[str, Any] = {}
+    for measure in results[0]["units"]:
+        mean, interval = mean_and_interval(np.array([result[f"{measure}_mean"] for result in results]))
+        found[f"{measure}_mean"], found[f"{measure}_ci95"] = mean, list(interval)
     return {
-        "measure": measure,
-        f"{measure}_mean": mean,
-        f"{measure}_ci95": list(interval),
+        **{key: results[0][key] for key in ("measure", "unit", "units")},
+        **found,
         "n_episodes": sum(result["n_episodes"] for result in results),
         "n_seeds": len(results),
         "runs": results,

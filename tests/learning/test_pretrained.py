@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from swimmer_mj.environments import suite
 from swimmer_mj.learning import load_pretrained
 from swimmer_mj.learning.pretrained import pretrained_card, pretrained_directory, pretrained_names
-from swimmer_mj.learning.problems.swim.environment import evaluate_swimming
+from swimmer_mj.learning.problems.swim.environment import SwimmingPolicy, evaluate_swimming
 
 N_EPISODES = 12
 
@@ -20,7 +20,7 @@ def test_swims_as_fast_as_its_card_says(name):
     assert name.startswith(f"swim{parameters.n_links}-")
     assert np.mean(card["episode_speeds"]) == pytest.approx(card["swimming_speed"], abs=1e-4)
     assert len(card["episode_speeds"]) == 64
-    found = evaluate_swimming(agent, parameters, n_episodes=N_EPISODES)
+    found = evaluate_swimming(SwimmingPolicy(agent.policy, batches=True), parameters, n_episodes=N_EPISODES)
     assert_allclose(found.speeds.mean(), np.mean(card["episode_speeds"][:N_EPISODES]), rtol=0.02)
     assert card["config"]["method"] == ("value-gradient" if name.endswith("-value-gradient") else "td")
     assert {"seed", "commit", "trial", "chosen", "ci95"} <= set(card)

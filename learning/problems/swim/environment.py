@@ -2,16 +2,18 @@
 
 Swimming speed has one meaning in this project: in the dm_control environment (MuJoCo, RK4 at 0.01 s, control held for
 0.01 s), from the 64 initial states of seed 0, the mean velocity of the centre of mass along the target direction over
-the last 10 of 20 seconds.
+the last 10 of 20 seconds. Some gaits are still gaining speed then: steady speed is the mean over seconds 30 to 60. And
+the paper's trials end after 5 s: the mean over the first 5.
+
+The episodes of an evaluation are the environment's, stepped together by ``mujoco.batch``; a test holds them equal to
+episodes that are stepped by dm_control.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,27 +23,41 @@ from swimmer_mj import state as st
 from swimmer_mj.initial_states import random_initial_state
 from swimmer_mj.intervals import mean_and_interval
 from swimmer_mj.learning.problems.forms import (
+    BatchPolicy,
     EnvironmentForm,
     Learner,
     Moment,
     Policy,
+    Score,
     SwimmerForm,
     TrialsForm,
 )
-from swimmer_mj.learning.problems.problem import EPISODE_DURATION, N_EPISODES, SETTLING_TIME
+from swimmer_mj.learning.problems.problem import (
+    DT,
+    EPISODE_DURATION,
+    N_EPISODES,
+    SETTLING_TIME,
+    discount_shares,
+    episode_steps,
+)
 from swimmer_mj.learning.problems.swim.swimming import Swimming
 from swimmer_mj.parameters import SwimmerParameters
 from swimmer_mj.trajectory import Trajectory
 
 __all__ = [
+    "SPEED",
+    "STEADY",
+    "TRIAL",
     "SwimmingPolicy",
     "SwimmingSpeed",
+    "distances",
     "drawn",
     "evaluate_swimming",
     "evaluation_states",
     "judged",
     "learn_in_environment",
     "learned",
+    "mean_speed",
     "observed_state",
     "record_episode",
 ]
@@ -49,19 +65,38 @@ __all__ = [
 Array = NDArray[np.float64]
 Agent = Callable[[Mapping[str, Any]], Array]
 
+SPEED = (SETTLING_TIME, EPISODE_DURATION)
+"""From when to when swimming speed is measured, s."""
+STEADY = (30.0, 60.0)
+"""Steady speed."""
+TRIAL = (0.0, 5.0)
+"""The speed of a trial of the paper."""
+
 
 # What the problem offers ------------------------------------------------------------------------------------------
 
 
 def judged(problem: Swimming) -> EnvironmentForm:
-    """Swimming speed."""
-    n = problem.parameters.n_links
+    """Swimming speed; with it steady speed, the speed of the paper's trials, and the return of equation 1."""
+    parameters = problem.parameters
+    starts = partial(evaluation_states, parameters.n_links)
 
     def evaluate(policy: Policy, n_episodes: int, workers: int) -> Array:
-        agent = SwimmingPolicy(policy)
-        return evaluate_swimming(agent, problem.parameters, n_episodes=n_episodes, workers=workers).speeds
+        agent = SwimmingPolicy(policy, batches=True)
+        return evaluate_swimming(agent, parameters, n_episodes=n_episodes, workers=workers).speeds
 
-    return EnvironmentForm("speed", "m/s", partial(evaluation_states, n), evaluate)
+    def scores(policy: Policy, n_episodes: int, workers: int) -> list[Score]:
+        agent = SwimmingPolicy(policy, batches=True)
+        travelled = distances(agent, parameters, starts(n_episodes), STEADY[1], workers)
+        shares = discount_shares(problem.s_gamma, STEADY[1], DT) / DT
+        return [
+            Score("speed", "m/s", mean_speed(travelled, *SPEED)),
+            Score("steady_speed", "m/s", mean_speed(travelled, *STEADY)),
+            Score("first_5s_speed", "m/s", mean_speed(travelled, *TRIAL)),
+            Score("discounted_return", "m", shares @ np.diff(travelled, axis=0)),
+        ]
+
+    return EnvironmentForm("speed", "m/s", starts, evaluate, scores)
 
 
 def drawn(problem: Swimming) -> SwimmerForm:
@@ -90,14 +125,23 @@ def observed_state(observation: Mapping[str, ArrayLike]) -> Array:
 
 
 class SwimmingPolicy:
-    """A policy as an agent: observation of a swim or steer task -> action in [-1, 1]."""
+    """A policy as an agent: observation of a swim or steer task -> action in [-1, 1].
 
-    def __init__(self, policy: Policy) -> None:
+    Parameters
+    ----------
+    policy : Policy
+        What acts.
+    batches : bool
+        Whether there will be many batches of observations, and nothing else: then its fastest way to act is taken.
+    """
+
+    def __init__(self, policy: Policy, batches: bool = False) -> None:
         self.policy = policy
+        self._act = policy.acting() if batches and isinstance(policy, BatchPolicy) else policy
 
     def __call__(self, observation: Mapping[str, ArrayLike]) -> Array:
         """Action, shape (..., n - 1)."""
-        return self.policy(observed_state(observation)) / self.policy.problem.control_limits
+        return self._act(observed_state(observation)) / self.policy.problem.control_limits
 
 
 # Learning, judging, recording -------------------------------------------------------------------------------------
@@ -136,7 +180,7 @@ class SwimmingSpeed(NamedTuple):
     mean: float
     """m/s."""
     ci95: tuple[float, float]
-    """Bootstrap 95 % interval (BCa) of the mean over episodes, m/s; nan for a single episode."""
+    """95 % interval of the mean over episodes, m/s; nan for a single episode."""
 
 
 def evaluation_states(n_links: int, count: int = N_EPISODES) -> Array:
@@ -158,43 +202,55 @@ def evaluate_swimming(
     n_episodes : int
         How many of the initial states to use; all 64 by definition.
     workers : int
-        Processes that share the episodes. More than one needs an agent that can be pickled and, as always with
-        processes that are spawned, a main module that can be imported.
+        Threads that share the episodes. The numbers are the same, however many there are.
     """
     states = evaluation_states(parameters.n_links, n_episodes)
-    if workers == 1:
-        speeds = _episode_speeds(agent, parameters, states)
-    else:
-        parts = np.array_split(states, min(workers, n_episodes))
-        with ProcessPoolExecutor(len(parts), mp_context=get_context("spawn")) as pool:
-            count = len(parts)
-            speeds = np.concatenate(
-                list(pool.map(_episode_speeds, [agent] * count, [parameters] * count, parts))
-            )
+    speeds = mean_speed(distances(agent, parameters, states, EPISODE_DURATION, workers), *SPEED)
     return SwimmingSpeed(speeds, *mean_and_interval(speeds))
 
 
-def _episode_speeds(agent: Agent, parameters: SwimmerParameters, states: Array) -> Array:
-    """Speed of each of the episodes that start at ``states``, which are stepped side by side."""
-    from swimmer_mj.environments import suite  # dm_control, when it is needed
+def mean_speed(travelled: Array, start: float, end: float) -> Array:
+    """Mean velocity along x from ``start`` to ``end`` (s), shape (episodes,), of what :func:`distances` gives."""
+    last, first = episode_steps(end, start, DT)
+    return (travelled[last] - travelled[first]) / (end - start)
 
+
+def distances(
+    agent: Agent, parameters: SwimmerParameters, states: Array, duration: float, workers: int = 1
+) -> Array:
+    """How far the centre of mass has come along x, the target direction; shape (steps + 1, episodes), m.
+
+    In an episode from each of ``states``, (episodes, 2n + 2), at the start and after each step of 0.01 s.
+    """
+    import mujoco  # when they are needed
+    from mujoco.batch import Batch
+
+    from swimmer_mj.dynamics import from_qpos_qvel
+    from swimmer_mj.environments import suite
+
+    everything = mujoco.mjtState.mjSTATE_INTEGRATION
     remaining = iter(states)
-    environments = [
-        suite.swim(parameters, time_limit=EPISODE_DURATION, initial_states=lambda _: next(remaining))
-        for _ in states
-    ]
-    steps = [environment.reset() for environment in environments]
-    n_steps = round(EPISODE_DURATION / environments[0].control_timestep())
-    n_settling = round(SETTLING_TIME / environments[0].control_timestep())
-    rewards = np.zeros((n_steps, len(states)))
-    for t in range(n_steps):
-        batch = {key: np.stack([step.observation[key] for step in steps]) for key in steps[0].observation}
-        actions = agent(batch)
-        steps = [environment.step(a) for environment, a in zip(environments, actions, strict=True)]
-        rewards[t] = [step.reward for step in steps]
-    for environment in environments:
-        environment.physics.free()
-    return rewards[n_settling:].mean(axis=0)
+    environment = suite.swim(parameters, initial_states=lambda _: next(remaining))
+    physics = environment.physics  # holds the friction
+    batch = Batch(physics.model.ptr, len(states), workers)
+    for row in batch.state:
+        environment.reset()
+        mujoco.mj_getState(physics.model.ptr, physics.data.ptr, row, everything)
+    n_steps, _ = episode_steps(duration, 0.0, DT)
+    travelled = np.empty((n_steps + 1, len(states)))
+    for t in range(n_steps + 1):
+        x = from_qpos_qvel(batch.qpos, batch.qvel)
+        travelled[t] = st.center_of_mass(parameters, x)[:, 0]
+        if t < n_steps:
+            z = st.split_reduced(st.reduce(parameters, x), parameters.n_links)
+            batch.ctrl = agent({**z._asdict(), "angles": suite.wrap_angle(z.angles)})
+            batch.step(None)
+    failed = batch.warning.any()
+    del batch
+    physics.free()
+    if failed:
+        raise FloatingPointError("an episode left what MuJoCo can simulate: it raised warnings")
+    return travelled
 
 
 def record_episode(

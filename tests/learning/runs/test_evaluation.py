@@ -6,9 +6,9 @@ from swimmer_mj import state as st
 from swimmer_mj.cli.output import make_console, print_evaluation
 from swimmer_mj.environments import suite
 from swimmer_mj.integrators import rk4_step
-from swimmer_mj.intervals import known_interval, mean_and_interval, mean_and_interval_text
 from swimmer_mj.learning.networks.networks import Cascade
 from swimmer_mj.learning.networks.policy import GreedyPolicy
+from swimmer_mj.learning.problems.forms import BatchPolicy, EnvironmentForm
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.problems.swim.environment import (
@@ -62,11 +62,56 @@ def test_speed_is_displacement_over_time_in_the_second_half(policy):
     assert result.mean == pytest.approx(result.speeds.mean())
 
 
-def test_processes_share_the_episodes_without_changing_them(policy):
+def test_threads_share_the_episodes_without_changing_them(policy):
     agent = SwimmingPolicy(policy)
     alone = evaluate_swimming(agent, THREE, n_episodes=4)
     shared = evaluate_swimming(agent, THREE, n_episodes=4, workers=2)
-    assert shared.speeds == pytest.approx(alone.speeds, rel=1e-9)  # batches of another size
+    assert (shared.speeds == alone.speeds).all()
+
+
+def test_scores_are_those_of_an_episode_in_dm_control():
+    """Of a smooth policy, whose episodes rounding does not lead astray; rewards are mean velocities of a step."""
+    problem, gain = Swimming(THREE, s_gamma=0.5), np.array([[1.0, -2.0, 0.3], [0.5, 1.0, -1.0]])
+
+    class Waver:
+        def __init__(self):
+            self.problem = problem
+
+        def __call__(self, x):
+            return 5.0 * np.tanh(x[..., 3:6] @ gain.T + np.sin(x[..., :3]) @ gain.T)
+
+    found = {one.measure: one for one in problem.form(EnvironmentForm).scores(Waver(), 2, 1)}
+    start = evaluation_states(3)[1]
+    environment = suite.load("swim3", task_kwargs={"time_limit": 60.0, "initial_states": lambda _: start})
+    agent, step, rewards = SwimmingPolicy(Waver()), environment.reset(), []
+    while not step.last():
+        step = environment.step(agent(step.observation))
+        rewards.append(step.reward)
+    environment.physics.free()
+    rewards = np.array(rewards)
+    expected = {
+        "speed": rewards[1000:2000].mean(),
+        "steady_speed": rewards[3000:6000].mean(),
+        "first_5s_speed": rewards[:500].mean(),
+        "discounted_return": (0.01 * np.exp(-0.005 * np.arange(6000)) * rewards).sum(),
+    }
+    assert [*found] == [*expected]
+    for measure, value in expected.items():
+        assert found[measure].values[1] == pytest.approx(value, abs=1e-7), measure
+        assert found[measure].unit == ("m" if measure == "discounted_return" else "m/s")
+    assert len({round(value, 4) for value in expected.values()}) == 4
+
+
+def test_an_episode_that_blows_up_is_refused(policy):
+    wild = SwimmerParameters(n_links=3, torque_limit=1e9)
+    with pytest.raises(FloatingPointError, match="MuJoCo"):
+        evaluate_swimming(SwimmingPolicy(policy), wild, n_episodes=1)
+
+
+def test_batches_are_acted_on_as_single_states(policy):
+    states = evaluation_states(3)
+    assert isinstance(policy, BatchPolicy)
+    assert (policy.acting()(states) == np.stack([policy(x) for x in states])).mean() > 0.99
 
 
 def test_recorded_episode_is_the_evaluated_one(policy):
@@ -164,22 +209,3 @@ def test_returns_of_a_run_with_logistic_neurons_are_those_of_its_policy(tmp_path
     assert result["speed_ci95"] is None  # of a single episode
     print_evaluation(make_console(quiet=False), result)
     assert "m/s (1 episode)\n" in capsys.readouterr().out
-
-
-def test_mean_and_interval():
-    values = np.random.default_rng(0).normal(1.0, 0.5, 64)
-    mean, (low, high) = mean_and_interval(values)
-    assert mean == values.mean()
-    standard_error = values.std(ddof=1) / 8
-    assert (mean - low, high - mean) == pytest.approx((1.96 * standard_error,) * 2, rel=0.15)
-    assert mean_and_interval(np.ones(5)) == (1.0, (1.0, 1.0))
-
-
-def test_a_single_value_has_no_interval():
-    mean, interval = mean_and_interval(np.array([0.5]))
-    assert mean == 0.5
-    assert np.isnan(interval).all()
-    assert known_interval(interval) is None
-    assert known_interval((0.1, 0.2)) == (0.1, 0.2)
-    assert mean_and_interval_text(np.array([0.5])) == "0.50"
-    assert mean_and_interval_text(np.full(3, 0.5), ".3f") == "0.500 [0.500, 0.500]"

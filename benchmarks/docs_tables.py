@@ -1,0 +1,73 @@
+"""The tables of measured numbers in the README and the docs, written from the logs.
+
+    python benchmarks/docs_tables.py          # write them into the pages
+    python benchmarks/docs_tables.py --check  # only say which pages do not have what the logs say; exit status 1
+
+A page has a table between ``<!-- table: NAME -->`` and ``<!-- end -->``; :data:`TABLES` says how NAME is made. Nothing
+is measured here: each log is written by a command of its own.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import tyro
+
+from swimmer_mj.files import replacing
+from swimmer_mj.learning.experiments import LOGS, summaries
+
+ROOT = Path(__file__).parents[1]
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+MARKED = re.compile(r"(<!-- table: ([\w.-]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+
+
+def experiment(name: str) -> str:
+    """As ``swimmer-mj figures NAME`` prints it."""
+    return summaries.TABLES[name](LOGS).markdown()
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    **{name: partial(experiment, name) for name in summaries.TABLES},
+}
+"""Each in Markdown, by the name in its mark."""
+
+
+def with_tables(text: str) -> str:
+    """The text of a page with its tables as the logs have them."""
+
+    def table(match: re.Match[str]) -> str:
+        name = match[2]
+        if name not in TABLES:
+            raise ValueError(f"there is no table {name!r}; there are {', '.join(TABLES)}")
+        return f"{match[1]}\n{TABLES[name]()}\n{match[4]}"
+
+    if text.count("<!-- table:") != len(MARKED.findall(text)):
+        raise ValueError("a table's mark has no <!-- end -->")
+    return MARKED.sub(table, text)
+
+
+def main(check: bool = False) -> None:
+    """Write the tables.
+
+    Args:
+        check: Write nothing; say which pages differ, and exit with 1 if there are any.
+    """
+    stale = []
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        if (new := with_tables(text)) != text:
+            stale.append(str(page.relative_to(ROOT)))
+            if not check:
+                with replacing(page) as partial_page:
+                    partial_page.write_text(new, encoding="utf-8")
+    if stale:
+        print(f"{'not as the logs say' if check else 'written'}: {', '.join(stale)}")
+    if check and stale:
+        raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
