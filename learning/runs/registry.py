@@ -53,9 +53,15 @@ def to_json(thing: Any, known: dict[str, str]) -> dict[str, Any]:
     kind = type(thing)
     if not dataclasses.is_dataclass(kind):
         raise ValueError(f"{kind.__name__} must be a dataclass, whose fields config.json keeps")
-    names = {place: name for name, place in known.items() if find(name, known, "") is kind}
-    name = next(iter(names.values()), f"{kind.__module__}:{kind.__qualname__}")
+    name = next((name for name, place in known.items() if _is_at(kind, place)), None)
+    name = name or f"{kind.__module__}:{kind.__qualname__}"
     return {"name": name, **dataclasses.asdict(thing)}
+
+
+def _is_at(kind: type[Any], place: str) -> bool:
+    """Whether ``kind`` is the class at "module:Class", or in a module of that package."""
+    module, _, name = place.partition(":")
+    return kind.__qualname__ == name and f"{kind.__module__}.".startswith(f"{module}.")
 
 
 def from_json(values: dict[str, Any], known: dict[str, str], what: str) -> Any:

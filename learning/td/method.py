@@ -111,10 +111,10 @@ class TemporalDifferences:
 
     def for_seeds(self, problem: ControlProblem, count: int) -> Self:
         """Engine "population" for more than a few compiled learners."""
+        if self.engine != "auto" or count <= MANY:
+            return self
         compiled = problem.form(CompiledForm) is not None and problem.form(TrialsForm) is None
-        if self.engine == "auto" and count > MANY and compiled:
-            return dataclasses.replace(self, engine="population")
-        return self
+        return dataclasses.replace(self, engine="population") if compiled else self
 
 
 class TDLearning:

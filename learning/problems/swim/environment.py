@@ -9,6 +9,8 @@ The episodes of an evaluation are the environment's, stepped together by ``mujoc
 episodes that are stepped by dm_control.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types.)
 from __future__ import annotations
 
 import math

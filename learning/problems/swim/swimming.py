@@ -31,11 +31,11 @@ from swimmer_mj.learning.problems.forms import (
     TorchForm,
     TrialsForm,
 )
+from swimmer_mj.learning.problems.settings import require_choices, require_positive
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 if TYPE_CHECKING:
     from swimmer_mj.dynamics import Dynamics
-from swimmer_mj.learning.problems.settings import require_choices, require_positive
 
 __all__ = ["RATE_SCALE", "TURN", "Swimming"]
 
@@ -44,8 +44,6 @@ Form = TypeVar("Form")
 
 RATE_SCALE = 0.2
 """theta' is scaled by this as a network input, so that it is of order one (chosen)."""
-
-
 TURN = 2 * math.pi
 """rad."""
 

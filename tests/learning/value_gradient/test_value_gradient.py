@@ -578,7 +578,7 @@ def test_swings_up_the_pendulum():
 def learns_to_swim(seed, most=200):
     """Whether it swims at 0.8 m/s after ``most`` rounds or less; the best open-loop wave makes 0.54.
 
-    SPREAD
+    Of 8 seeds seven do after 80 rounds, the first look, and one after 100.
     """
     problem = Swimming(PAPER, s_gamma=0.5)
     network = multilayer(17, (32, 32), dtype=torch.float32, seed=seed, output=0.0)
