@@ -51,6 +51,7 @@ def test_help_imports_nothing_heavy():
         "train",
         "evaluate",
         "render",
+        "page",
         "view",
         "figures",
         "validate",

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Make the virtual environment $1, install this project into it (editable, with what its tests need),
-# and see that MuJoCo can draw without a screen.
+# and see that MuJoCo can draw without a screen and that there is a browser to test the page in.
 set -eu
 venv=$1
 python=${PYTHON:-python3}
@@ -13,17 +13,27 @@ python=${PYTHON:-python3}
 echo "setup: installing into $venv; a few minutes"
 "$venv/bin/python" -m pip install --quiet --editable '.[dev]'
 
-# OSMesa draws on the CPU, without a screen or a GPU. It is a system library: pip cannot bring it.
+# System libraries and programs, which pip cannot bring: OSMesa draws on the CPU, without a screen or a GPU; Chromium and
+# its driver are for the tests of the browser page.
 has_osmesa() { "$venv/bin/python" -c 'import ctypes.util, sys; sys.exit(ctypes.util.find_library("OSMesa") is None)'; }
-has_osmesa && exit 0
+has_browser() { command -v chromedriver >/dev/null 2>&1 && { command -v chromium || command -v google-chrome; } >/dev/null 2>&1; }
+missing=
+has_osmesa || missing=libosmesa6
+has_browser || missing="$missing chromium chromium-driver"
+[ -n "$missing" ] || exit 0
 if command -v apt-get >/dev/null 2>&1; then
     if [ "$(id -u)" = 0 ]; then as_root=
     elif command -v sudo >/dev/null 2>&1 && sudo -n true 2>/dev/null; then as_root='sudo -n'
     else as_root=none
     fi
     if [ "$as_root" != none ]; then
-        echo "setup: installing libosmesa6"
-        $as_root sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq libosmesa6' >/dev/null || true
+        echo "setup: installing $missing"
+        $as_root apt-get update -qq >/dev/null || true
+        for package in $missing; do # one by one: what a distribution does not have must not keep the others out
+            $as_root env DEBIAN_FRONTEND=noninteractive \
+                apt-get install -y -qq --no-install-recommends "$package" >/dev/null || true
+        done
     fi
 fi
 has_osmesa || echo "setup: pictures need OSMesa, which is not installed; install it with: sudo apt-get install libosmesa6" >&2
+has_browser || echo "setup: the tests of the page need Chromium; install it with: sudo apt-get install chromium chromium-driver" >&2

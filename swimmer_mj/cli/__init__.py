@@ -26,11 +26,12 @@ from swimmer_mj.cli.pictures import figures, render
 from swimmer_mj.cli.runs import evaluate, info
 from swimmer_mj.cli.training import train
 from swimmer_mj.cli.viewing import view
+from swimmer_mj.cli.webpage import page
 
 __all__ = ["COMMANDS", "main"]
 
 COMMANDS: tuple[Callable[..., None], ...] = (
-    demo, train, evaluate, render, view, validate, figures, bench, info, doctor,
+    demo, train, evaluate, render, page, view, validate, figures, bench, info, doctor,
 )  # fmt: skip
 """In the order of the help."""
 

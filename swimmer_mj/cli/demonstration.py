@@ -20,6 +20,7 @@ from swimmer_mj.cli.output import (
 from swimmer_mj.cli.pictures import Backend, render_run
 from swimmer_mj.cli.runs import free_directory
 from swimmer_mj.cli.training import train_runs
+from swimmer_mj.cli.webpage import write_policy_page
 
 if TYPE_CHECKING:
     from swimmer_mj.learning.runs.config import RunConfig
@@ -35,7 +36,7 @@ DEMO_SECONDS = 45.0
 def demo(
     seed: int = 0, out: Path = Path("runs/demo"), backend: Backend | None = None, json: bool = False
 ) -> None:
-    """Check the physics, teach the paper's swimmer to swim, evaluate it on MuJoCo, and draw it.
+    """Check the physics, teach the paper's swimmer to swim, evaluate it on MuJoCo, draw it, and make it a web page.
 
     Args:
         seed: Of the two learners that are trained side by side: of value gradients, and the paper's.
@@ -53,7 +54,7 @@ def demo(
 
     from swimmer_mj.learning.runs.config import RunConfig, value_gradient_config
     from swimmer_mj.learning.runs.evaluation import evaluate_run
-    from swimmer_mj.learning.runs.run import LOG, TrainingRun
+    from swimmer_mj.learning.runs.run import LOG, TrainingRun, load_policy
     from swimmer_mj.learning.td.method import ETA
     from swimmer_mj.validation import physics_report
 
@@ -90,12 +91,16 @@ def demo(
     pictures = render_run(best.directory, best.directory, duration=13.0, fps=30, beside=beside)
     for path in pictures.values():
         print_line(console, f"  {path}")
+    html = best.directory / "swim.html"
+    measured = {"swimming_speed": result["speed_mean"], "ci95": result["speed_ci95"]}
+    write_policy_page(html, best.directory, *load_policy(best.directory)[:2], measured)
     console.print(
         f"\nIt swims at [bold]{result['speed_mean']:.2f} m/s[/bold] after {training:.0f} s of learning with value "
         f"gradients (docs/beyond.md); the best open-loop wave makes 0.54 m/s. The paper's method, which took a week in "
         f"2002, came to {max(paper.best_speed, 0.0):.2f} m/s in the same {training:.0f} s, with {eta} in place of "
         f"0.01; give it minutes with swimmer-mj train. The demo took {time.perf_counter() - started:.0f} s in all."
     )
+    print_line(console, f"Steer it, in a browser: {html}")
     if json:
         print_json(
             {
@@ -105,6 +110,7 @@ def demo(
                 "td_speed": max(paper.best_speed, 0.0),
                 **result,
                 "pictures": {name: str(path) for name, path in pictures.items()},
+                "page": str(html),
             }
         )
 
