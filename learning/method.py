@@ -17,7 +17,7 @@ from torch import Tensor
 from swimmer_mj.learning.problems.forms import Policy
 from swimmer_mj.learning.problems.problem import ControlProblem
 
-__all__ = ["TRIAL_SECONDS", "Along", "Learning", "Method", "Team", "TeamMethod"]
+__all__ = ["TRIAL_SECONDS", "Along", "Learning", "Method", "Reseeded", "Team", "TeamMethod"]
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,10 @@ class Learning(Protocol):
     """A learner at work on one problem, with one seed. The same seed gives the same bits, also after a resume."""
 
     def learn(self, trials: int) -> Along:
-        """So many trials more. FloatingPointError says that learning has diverged, and what to change."""
+        """So many trials more; in which portions they are asked for changes nothing.
+
+        FloatingPointError says that learning has diverged, where, and what to change.
+        """
         ...
 
     def judge(self, states: Array) -> tuple[Array, Array]:
@@ -66,6 +69,15 @@ class Learning(Protocol):
 
     def restore(self, tensors: Mapping[str, Tensor], info: Mapping[str, Any]) -> None:
         """Go on from what was saved."""
+        ...
+
+
+@runtime_checkable
+class Reseeded(Protocol):
+    """A learner that can go on with other random numbers, as after a divergence it must."""
+
+    def reseed(self, seed: int) -> None:
+        """Draw from generators that begin with ``seed``; what was learned stays."""
         ...
 
 

@@ -32,6 +32,10 @@ def _one_per(value: float | Sequence[float], n_links: int, name: str, of: str) -
     return tuple(float(v) for v in values)
 
 
+MOST_LINKS = 1000
+"""More are taken for a slip."""
+
+
 @dataclass(frozen=True)
 class SwimmerParameters:
     """A chain of ``n_links`` rigid rods in a viscous fluid (Coulom 2002, A.1 and A.2).
@@ -68,6 +72,8 @@ class SwimmerParameters:
             raise TypeError(f"n_links must be an integer, got {self.n_links!r}") from None
         if n < 1:
             raise ValueError(f"n_links must be at least 1, got {n}")
+        if n > MOST_LINKS:
+            raise ValueError(f"n_links must be at most {MOST_LINKS}, got {n}")
         try:
             k = float(self.viscous_friction)
         except (TypeError, ValueError):

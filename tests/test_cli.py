@@ -66,7 +66,7 @@ def test_help_imports_nothing_heavy():
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ([], "demo, train, evaluate"),
+        ([], "demo, train, sweep, evaluate"),
         (["fly"], "swimmer-mj: Unrecognized options: fly. Available subcommands: demo"),
         (["train"], "--out"),
         (["train", "--out", "r", "--links", "five"], "five"),
@@ -76,7 +76,27 @@ def test_help_imports_nothing_heavy():
         (["train", "--out", "r", "--seeds", "3-1"], "--seeds must be like 0-7 or 1,4,9; got '3-1'"),
         (["train", "--out", "r", "--seeds", "1,1"], "names a seed twice"),
         (["train", "--out", "r", "--seed", "1", "--seeds", "0-3"], "--seed or --seeds, not both"),
-        (["train", "--out", "r", "--trials", "0"], "--trials must be positive, got 0"),
+        (["train", "--out", "r", "--trials", "0"], "--trials must be positive and finite, got 0"),
+        (["train", "--out", "r", "--seconds", "nan"], "--seconds must be positive and finite, got nan"),
+        (["train", "--out", "r", "--seconds", "inf"], "--seconds must be positive and finite, got inf"),
+        (
+            ["train", "--out", "/proc/x"],
+            "--out cannot be /proc/x: /proc is not to be written to; choose another",
+        ),
+        (["train", "--out", "r", "--seeds", "0-100000"], "--seeds names more than 1,000 seeds: '0-100000'"),
+        (["train", "--out", "r", "--seed", "99999999999999999999"], "--seed must be less than 2**63"),
+        (["train", "--out", "r", "--links", "100000000"], "n_links must be at most 1000, got 100000000"),
+        (
+            ["train", "--out", "r", "--neurons", "1000000"],
+            "neurons must be an integer of at most 4096, got 1000000",
+        ),
+        (["train", "--out", "r", "--set", "dt=fast"], "dt must be of type float, got 'fast'"),
+        (["train", "--out", "r", "--set", "dt=NaN"], "dt must be positive and finite, got nan"),
+        (
+            ["train", "--out", "r", "--set", "trial_duration=1e300"],
+            "a trial must have at most 10,000,000 steps",
+        ),
+        (["render", "nowhere", "--duration", "1e9"], "--duration must be at most 3600 s"),
         (
             ["train", "--out", "r", "--device", "tpu"],
             "swimmer-mj: invalid choice 'tpu' for argument '--device'. Exp",
@@ -368,7 +388,7 @@ def test_train_reports_the_trials_that_were_saved(tmp_path, monkeypatch, capsys)
     out = tmp_path / "run"
     status, printed, _ = run(capsys, "train", "--out", out, *PENDULUM, "--evaluate-every", "20", "--json")
     assert status == 0
-    assert json.loads(printed)["runs"][0]["trials"] == 20
+    assert json.loads(printed)["runs"][0]["trials"] == 21
     assert read_metrics(out / "metrics.csv")["trial"].tolist() == [20]
 
 

@@ -5,6 +5,7 @@ import io
 import json
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -73,11 +74,27 @@ def test_runs_go_on_where_they_were(outside, run, trials):
 def test_the_console_finds_ones_own_modules_in_the_working_directory(outside):
     folder, _ = outside
     program = Path(sys.executable).with_name("swimmer-mj")
-    done = subprocess.run(
-        [program, "info", "runs/grid", "--json"], cwd=folder, capture_output=True, text=True
-    )
+    command = [program, "info", "runs/grid", "--json", "--trust", "double_pendulum", "grid_iteration"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["best"]["trial"] in (10, 20, 30)
+
+
+def test_a_strangers_run_runs_nothing(outside, tmp_path):
+    """Its module stands beside it, where Python would find it."""
+    folder, _ = outside
+    shutil.copytree(folder / "runs" / "grid", tmp_path / "run")
+    for name, code in FILES:
+        (tmp_path / name).write_text(f"open('it-ran', 'w')\n{code}", encoding="utf-8")
+    command = [sys.executable, "-m", "swimmer_mj", "info", "run"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "'double_pendulum:DoublePendulum' is code that does not come with swimmer-mj" in done.stderr
+    assert "if you trust it, add --trust double_pendulum" in done.stderr
+    assert not (tmp_path / "it-ran").exists()
+    trusted = [*command, "--trust", "double_pendulum", "grid_iteration"]
+    assert subprocess.run(trusted, cwd=tmp_path, capture_output=True).returncode == 0
+    assert (tmp_path / "it-ran").exists()
 
 
 def test_its_runs_know_their_problem_and_method(outside):

@@ -37,10 +37,12 @@ class RunConfig:
     """Trials between evaluations."""
 
     def __post_init__(self) -> None:
+        if not (type(self.seed) is int and self.seed < 2**63):
+            raise ValueError(f"seed must be an integer less than 2**63, got {self.seed!r}")
         if self.seed < 0:
             raise ValueError(f"seed must not be negative, got {self.seed}")
-        if self.evaluate_every < 1:
-            raise ValueError(f"evaluate_every must be at least 1 trial, got {self.evaluate_every}")
+        if not (type(self.evaluate_every) is int and self.evaluate_every >= 1):
+            raise ValueError(f"evaluate_every must be at least 1 trial, got {self.evaluate_every!r}")
 
     def to_json(self) -> dict[str, Any]:
         """The configuration as JSON values, with the version that wrote it."""
@@ -56,10 +58,14 @@ class RunConfig:
     @classmethod
     def from_json(cls, values: dict[str, Any]) -> RunConfig:
         """The configuration that :meth:`to_json` wrote, or version 0.1."""
+        if not isinstance(values, dict):
+            raise ValueError(f"it must be a JSON object, got {str(values)[:40]!r}")
         if "schema" not in values:
             values = convert(values)
         if values["schema"] != SCHEMA:
             raise ValueError(f"schema must be {SCHEMA}, got {values['schema']!r}: written by a newer version")
+        if unknown := values.keys() - {"schema", "version", "seed", "evaluate_every", "problem", "method"}:
+            raise ValueError(f"there is no {min(unknown)!r}")
         return cls(
             registry.from_json(values["problem"], registry.PROBLEMS, "problem"),
             registry.from_json(values["method"], registry.METHODS, "method"),
@@ -103,6 +109,8 @@ def read_config(directory: str | os.PathLike[str]) -> RunConfig:
     if not path.is_file():
         raise FileNotFoundError(f"{os.fspath(directory)} is not a run directory: it has no {CONFIG}")
     try:
-        return RunConfig.from_json(json.loads(path.read_text()))
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        return RunConfig.from_json(json.loads(path.read_text(encoding="utf-8")))
+    except KeyError as error:
+        raise ValueError(f"{path} is not the configuration of a run: it lacks {error}") from error
+    except (TypeError, AttributeError, ValueError, OverflowError, RecursionError) as error:
         raise ValueError(f"{path} is not the configuration of a run: {error}") from error

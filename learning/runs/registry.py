@@ -2,16 +2,22 @@
 
 To add one to the package, add its line here. One's own needs no line: it is a frozen dataclass, in a module that Python
 finds, whose fields are its settings (numbers, strings, tuples, None, and dataclasses of these).
+
+A name of one's own is code. What somebody types, or imports, is meant to run; what a file says is not: so reading a
+configuration imports no module, and a run of one's own problem or method needs its module to have been imported before
+(on the command line, ``--trust MODULE``).
 """
 
 from __future__ import annotations
 
 import dataclasses
 import importlib
+import sys
 import types
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from collections.abc import Sequence
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-__all__ = ["METHODS", "PROBLEMS", "find", "from_json", "to_json"]
+__all__ = ["METHODS", "PROBLEMS", "find", "from_json", "setting", "to_json", "trust"]
 
 PROBLEMS = {
     "swim": "swimmer_mj.learning.problems.swim:Swimming",
@@ -24,17 +30,25 @@ METHODS = {
 }
 
 
-def find(name: str, known: dict[str, str], what: str) -> type[Any]:
+def find(name: str, known: dict[str, str], what: str, importing: bool = True) -> type[Any]:
     """The class of that name, of :data:`PROBLEMS` or :data:`METHODS`, or the one at "module:Class".
 
     Raises
     ------
     ValueError
-        In one line: there is none, or it cannot be kept in config.json. ``what`` is "problem" or "method".
+        In one line: there is none, or it cannot be kept in config.json. ``what`` is "problem" or "method". Not
+        ``importing``, also when the module has not been imported yet.
     """
+    if not isinstance(name, str):
+        raise ValueError(f"{what} must be named by a string, got {name!r}")
     module_name, colon, attribute = known.get(name, name).partition(":")
     if not (colon and module_name and attribute):
         raise ValueError(f"{what} must be one of {', '.join(known)}, or module:Class; got {name!r}")
+    if not (importing or name in known or module_name in sys.modules):
+        raise ValueError(
+            f"{what} {name!r} is code that does not come with swimmer-mj, and reading a run does not run it; if you "
+            f"trust it, add --trust {module_name}, in Python import it before"
+        )
     try:
         found = importlib.import_module(module_name)
         for part in attribute.split("."):
@@ -46,6 +60,15 @@ def find(name: str, known: dict[str, str], what: str) -> type[Any]:
     if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
         raise ValueError(f"{what} {name!r} must be a dataclass, whose fields config.json keeps")
     return found
+
+
+def trust(modules: Sequence[str]) -> None:
+    """Import ``modules``, so that runs of their problems and methods can be read."""
+    for module in modules:
+        try:
+            importlib.import_module(module)
+        except ImportError as error:
+            raise ValueError(f"--trust {module}: {error}; is its folder on Python's path?") from error
 
 
 def to_json(thing: Any, known: dict[str, str]) -> dict[str, Any]:
@@ -67,23 +90,61 @@ def _is_at(kind: type[Any], place: str) -> bool:
 def from_json(values: dict[str, Any], known: dict[str, str], what: str) -> Any:
     """What :func:`to_json` wrote."""
     settings = {key: value for key, value in values.items() if key != "name"}
-    return _build(find(values["name"], known, what), settings)
+    kind = find(values["name"], known, what, importing=False)
+    if not hasattr(kind, "initial_states" if what == "problem" else "start"):
+        raise ValueError(f"{what} {values['name']!r} is no {what}")
+    return _build(kind, settings)
 
 
 def _build(kind: type[Any], values: dict[str, Any]) -> Any:
     """A dataclass from JSON values: lists become tuples, objects the dataclass that the field's type names."""
-    hints = get_type_hints(kind)
     if unknown := values.keys() - {field.name for field in dataclasses.fields(kind)}:
         raise ValueError(f"{kind.__name__} has no setting {min(unknown)!r}")
-    return kind(**{key: _value(hints[key], value) for key, value in values.items()})
+    return kind(**{name: setting(kind, name, value) for name, value in values.items()})
+
+
+def setting(kind: type[Any], name: str, value: Any) -> Any:
+    """The value of a field of the dataclass ``kind`` from a JSON ``value``; ValueError if it is of another type."""
+    hint = get_type_hints(kind)[name]
+    try:
+        return _value(hint, value)
+    except TypeError:
+        wanted = hint.__name__ if isinstance(hint, type) else str(hint).replace("typing.", "")
+        raise ValueError(f"{name} must be of type {wanted}, got {value!r}") from None
 
 
 def _value(hint: Any, value: Any) -> Any:
-    if isinstance(value, list):
-        return tuple(_value(None, one) for one in value)
-    if isinstance(value, dict):
-        options = get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
-        (kind,) = (option for option in options if dataclasses.is_dataclass(option))
-        assert isinstance(kind, type)
-        return _build(kind, value)
+    """``value`` as ``hint`` asks; TypeError if that cannot be."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        for option in inner:
+            try:
+                return _value(option, value)
+            except TypeError:
+                continue
+        raise TypeError
+    if dataclasses.is_dataclass(hint):
+        if not isinstance(value, dict):
+            raise TypeError
+        assert isinstance(hint, type)
+        return _build(hint, value)
+    if isinstance(value, list | tuple):
+        if hint in (bool, int, float, str, types.NoneType) or origin is Literal:
+            raise TypeError
+        of = inner[0] if origin in (tuple, Sequence) and inner and inner[-1:] != ((),) else None
+        alike = of is not None and (origin is Sequence or inner[1:] == (...,))
+        return tuple(_value(of if alike else None, one) for one in value)
+    if isinstance(value, dict) and hint in (bool, int, float, str, types.NoneType):
+        raise TypeError
+    allowed = {
+        bool: (bool,),
+        int: (int,),
+        float: (int, float),
+        str: (str,),
+        types.NoneType: (types.NoneType,),
+    }
+    if hint in allowed and type(value) not in allowed[hint]:
+        raise TypeError
+    if origin in (tuple, Sequence):
+        raise TypeError  # of one value
     return value

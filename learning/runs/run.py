@@ -1,16 +1,21 @@
 """A training run: one learner with one seed, its log and its checkpoints in a directory of their own.
 
 A run directory has ``config.json`` (complete: it defines the run), ``metrics.csv`` (a row an evaluation),
-``checkpoint.safetensors`` (the newest weights and all that resuming needs) and ``best.safetensors`` (what acted best in
-an evaluation), the last two with JSON beside. An interrupted and resumed run computes the same numbers as one that was
+``checkpoint.safetensors`` (the weights at the last evaluation and all that resuming needs) and ``best.safetensors``
+(what acted best in an evaluation), the last two with JSON beside. What was learned since the last evaluation stands in
+``unfinished.safetensors``, if anything was. An interrupted and resumed run computes the same numbers as one that was
 never interrupted.
 """
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import io
 import json
 import os
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -18,15 +23,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.method import Reseeded
 from swimmer_mj.learning.problems.forms import EnvironmentForm, Policy
 from swimmer_mj.learning.problems.problem import EPISODE_DURATION, N_EPISODES, SETTLING_TIME, ControlProblem
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint, save_checkpoint
 from swimmer_mj.learning.runs.config import CONFIG, RunConfig, read_config
+from swimmer_mj.learning.runs.lock import RunInUseError, locked
 
 __all__ = [
     "BEST",
     "CHECKPOINT",
     "LOG",
+    "UNFINISHED",
     "Metrics",
     "TrainingRun",
     "evaluation_sample",
@@ -37,6 +45,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 LOG, CHECKPOINT, BEST = "metrics.csv", "checkpoint.safetensors", "best.safetensors"
+UNFINISHED = "unfinished.safetensors"
 SAMPLE_SIZE = 1000
 """States of the initial-state law over which <V>_S and <H^2>_S are taken; those of seed 1."""
 
@@ -99,25 +108,105 @@ class TrainingRun:
             config = RunConfig()
         self.config = config
         self.problem = config.problem
-        self._set_up(saved=resume and (self.directory / CHECKPOINT).exists())
+        with contextlib.nullcontext() if not exists else locked(self.directory):
+            self._set_up(saved=resume)
         if not exists:
-            text = json.dumps(config.to_json(), indent=2)
-            with replacing(self.directory / CONFIG) as partial:
-                partial.write_text(text + "\n")
+            self._create()
 
     def _set_up(self, saved: bool) -> None:
-        """The learner, from the checkpoint if there is one that was ``saved``, else as it begins."""
+        """The learner, from the newest checkpoint if there is one that was ``saved``, else as it begins."""
         self.learning = self.config.method.start(self.problem, self.config.seed)
         self.trial = 0
         self.seconds = 0.0
         self.best_speed = -np.inf
+        self.restores = 0
         self.history: list[Metrics] = []
         if saved:
-            self._restore()
+            self._restore(CHECKPOINT)
+            self._restore(UNFINISHED)
+        self._saved_trial, self.saved_at = self.trial, time.monotonic()
+        self._on_disk = self._state_on_disk()
 
-    def forget_unsaved(self) -> None:
-        """Stand where the run was last saved, or where it began; the learner is a new object."""
+    def _create(self) -> None:
+        """The directory with its config.json, unless another process is faster."""
+        with locked(self.directory):
+            if (self.directory / CONFIG).exists():
+                raise FileExistsError(f"{self.directory} already holds a run; choose another directory")
+            text = json.dumps(self.config.to_json(), indent=2)
+            with replacing(self.directory / CONFIG) as partial:
+                partial.write_text(text + "\n")
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """Keep other processes from learning in the directory during a block.
+
+        Raises
+        ------
+        RunInUseError
+            When another one holds it, or has changed it since this object was made of it.
+        """
+        with locked(self.directory):
+            if self._state_on_disk() != self._on_disk:
+                raise RunInUseError(
+                    f"{self.directory} was changed by another process since it was read; resume it again"
+                )
+            self._tidy()
+            yield
+
+    def _tidy(self) -> None:
+        """Finish what a process that was killed has begun to write; the directory must be held."""
+        for path in self.directory.glob(".*.partial*"):
+            path.unlink(missing_ok=True)
+        if self.trial == self.evaluated_trial:
+            self._remove_unfinished()
+        log = self.directory / LOG
+        if self.history and not (log.exists() and log.read_bytes() == self._log().encode()):
+            self._write_log()
+
+    def _remove_unfinished(self) -> None:
+        for name in (UNFINISHED, Path(UNFINISHED).with_suffix(".json")):
+            (self.directory / name).unlink(missing_ok=True)
+        self._on_disk = self._state_on_disk()
+
+    def _state_on_disk(self) -> list[tuple[int, int] | None]:
+        """What changes whenever the run is saved."""
+        found: list[tuple[int, int] | None] = []
+        for name in (CHECKPOINT, UNFINISHED):
+            try:
+                status = (self.directory / name).stat()
+                found.append((status.st_mtime_ns, status.st_size))
+            except FileNotFoundError:
+                found.append(None)
+        return found
+
+    @property
+    def left(self) -> int:
+        """Trials until the next evaluation."""
+        return self.config.evaluate_every - (self.trial - self.evaluated_trial)
+
+    @property
+    def evaluated_trial(self) -> int:
+        """Trials at the last evaluation."""
+        return self.history[-1].trial if self.history else 0
+
+    def forget_unfinished(self) -> None:
+        """Stand where the run was last evaluated, or where it began; the learner is a new object."""
+        self._remove_unfinished()
         self._set_up(saved=bool(self.history))
+
+    def restart(self) -> None:
+        """After a divergence: from the last evaluation again, or from the beginning, with other random numbers.
+
+        Which ones depends on the seed and on how many times this was done, so that the run stays reproducible.
+        """
+        restores = self.restores + 1
+        self.forget_unfinished()
+        if not isinstance(self.learning, Reseeded):
+            raise TypeError(
+                f"{type(self.learning).__name__} has no reseed(), which going on after a divergence needs"
+            )
+        self.restores = restores
+        self.learning.reseed(int(np.random.SeedSequence([self.config.seed, restores]).generate_state(1)[0]))
 
     def evaluate(self, seconds: float) -> Metrics:
         """<V>_S, <H^2>_S and the speed of the weights as they are."""
@@ -137,34 +226,85 @@ class TrainingRun:
         """Write the run as it stands after the evaluation ``metrics``."""
         self.seconds = metrics.seconds
         self.history.append(metrics)
-        info = {
-            **self.learning.info(),
-            "config": self.config.to_json(),
-            **metrics._asdict(),
-            "best_speed": max(self.best_speed, metrics.speed),
-            "history": [list(row) for row in self.history],
-        }
         if metrics.speed > self.best_speed:
             self.best_speed = metrics.speed
             best = {"config": self.config.to_json(), **metrics._asdict()}
             save_checkpoint(self.directory / BEST, self.learning.result(), best)
-        save_checkpoint(self.directory / CHECKPOINT, self.learning.tensors(), info)
-        with replacing(self.directory / LOG) as partial, partial.open("w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(Metrics._fields)
-            writer.writerows(self.history)
+        self._save(CHECKPOINT, metrics._asdict())
+        self._remove_unfinished()
+        self._write_log()
 
-    def _restore(self) -> None:
-        tensors, info = load_checkpoint(self.directory / CHECKPOINT)
-        self.learning.restore(tensors, info)
-        self.trial, self.seconds, self.best_speed = info["trial"], info["seconds"], info["best_speed"]
-        self.history = [Metrics(*row) for row in info["history"]]
+    def save_unfinished(self) -> None:
+        """Write the run as it stands between two evaluations."""
+        if self.trial > self._saved_trial:
+            self._save(UNFINISHED, {"trial": self.trial, "seconds": self.seconds})
+
+    def _save(self, name: str, facts: dict[str, Any]) -> None:
+        info = {
+            **self.learning.info(),
+            "config": self.config.to_json(),
+            **facts,
+            "best_speed": self.best_speed if self.history else None,
+            "restores": self.restores,
+            "history": [list(row) for row in self.history],
+        }
+        save_checkpoint(self.directory / name, self.learning.tensors(), info)
+        self._saved_trial, self.saved_at = self.trial, time.monotonic()
+        self._on_disk = self._state_on_disk()
+
+    def _log(self) -> str:
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(Metrics._fields)
+        writer.writerows(self.history)
+        return text.getvalue()
+
+    def _write_log(self) -> None:
+        with replacing(self.directory / LOG) as partial:
+            partial.write_text(self._log(), newline="")
+
+    def _restore(self, name: str) -> None:
+        """Stand where the checkpoint ``name`` was written, if there is one and it is newer than what is known."""
+        if not (self.directory / name).exists():
+            return
+        tensors, info = load_checkpoint(self.directory / name)
+        with refused_if_of_another(self.directory / name, self.config, info):
+            if info["trial"] <= self.trial:
+                return
+            self.learning.restore(tensors, info)
+            self.trial, self.seconds = info["trial"], info["seconds"]
+            self.best_speed = -np.inf if info["best_speed"] is None else info["best_speed"]
+            self.restores = info.get("restores", 0)
+            self.history = [Metrics(*row) for row in info["history"]]
+
+
+@contextlib.contextmanager
+def refused_if_of_another(path: Path, config: RunConfig, info: dict[str, Any]) -> Iterator[None]:
+    """ValueError if the checkpoint that said ``info`` is not of ``config``, or if it does not fit, in a block."""
+    try:
+        if RunConfig.from_json(info["config"]) != config:
+            raise ValueError(f"it is of another run than the {CONFIG} beside it")
+        yield
+    except KeyError as error:
+        raise ValueError(f"{path} is not a checkpoint of this run: it lacks {error}") from error
+    except (ValueError, TypeError, AttributeError, RuntimeError, IndexError, OverflowError) as error:
+        why = " ".join(str(error).split())[:200]
+        raise ValueError(f"{path} is not a checkpoint of this run: {why}") from error
 
 
 def load_policy(
     directory: str | os.PathLike[str], which: Literal["best", "last"] = "best"
 ) -> tuple[Policy, RunConfig, dict[str, Any]]:
-    """The policy that a run has learned, its configuration, and what is known of the checkpoint."""
+    """The policy that a run has learned, its configuration, and what is known of the checkpoint.
+
+    "best" is what acted best in an evaluation, "last" the last that was evaluated.
+    """
     config = read_config(directory)
-    tensors, info = load_checkpoint(Path(directory) / (BEST if which == "best" else CHECKPOINT))
-    return config.method.policy(config.problem, tensors), config, info
+    path = Path(directory) / (BEST if which == "best" else CHECKPOINT)
+    if not path.exists() and (Path(directory) / UNFINISHED).exists():
+        raise FileNotFoundError(
+            f"{path} is not there: the run was not evaluated yet; go on with it to its evaluation"
+        )
+    tensors, info = load_checkpoint(path)
+    with refused_if_of_another(path, config, info):
+        return config.method.policy(config.problem, tensors), config, info

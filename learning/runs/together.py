@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
 import time
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from swimmer_mj.learning.method import Along, Team, TeamMethod
 from swimmer_mj.learning.runs.run import Metrics, TrainingRun
 
-__all__ = ["Pack", "Progress", "Report", "train_together"]
+__all__ = ["RESTORES", "SAVE_SECONDS", "STRETCH_SECONDS", "Pack", "Progress", "Report", "train_together"]
+
+SAVE_SECONDS = 20.0
+"""Of learning that a run may lose when its process is killed; and a stretch."""
+STRETCH_SECONDS = 0.5
+"""How long learning goes on before anything else is looked at; at least for one trial."""
+RESTORES = 10
+"""How many times a run may start again from its last evaluation before its divergence is taken for what it is."""
 
 
 class Progress(NamedTuple):
@@ -35,6 +43,8 @@ class Report(NamedTuple):
     """After a stretch of learning."""
     metrics: Metrics | None
     """After an evaluation."""
+    warning: str | None = None
+    """After a divergence."""
 
 
 def _team_key(run: TrainingRun) -> Hashable | None:
@@ -54,12 +64,13 @@ def _team_size(run: TrainingRun) -> int:
 class Pack:
     """Runs that learn in step: a single one, or as many as their method puts in a team.
 
-    What each computes does not depend on the others. A run that diverges leaves the pack, as it was last saved; the
-    others go on.
+    What each computes does not depend on the others. A run that diverges leaves the pack, as it was last evaluated; the
+    others go on. With ``restore``, it stays in the pack and goes on from there with other random numbers.
     """
 
-    def __init__(self, runs: Sequence[TrainingRun]) -> None:
+    def __init__(self, runs: Sequence[TrainingRun], restore: bool = False) -> None:
         self.runs = list(runs)
+        self.restore = restore
         if len(runs) > 1 and _team_key(runs[0]) is None:
             raise ValueError(f"these runs learn one at a time, got {len(runs)}")
         self._diverged: list[str] = []
@@ -74,7 +85,7 @@ class Pack:
             self._team = method.team([run.learning for run in self.runs])
 
     @staticmethod
-    def of(runs: Sequence[TrainingRun], workers: int) -> list[Pack]:
+    def of(runs: Sequence[TrainingRun], workers: int, restore: bool = False) -> list[Pack]:
         """Packs of ``runs`` that can learn in step, all of about one size: as few as keep all ``workers`` busy."""
         alike: dict[Any, list[TrainingRun]] = {}
         for run in runs:
@@ -85,7 +96,7 @@ class Pack:
             largest = max(range(len(groups)), key=lambda k: len(groups[k]) / counts[k])
             counts[largest] += 1
         return [
-            Pack(group[i * len(group) // count : (i + 1) * len(group) // count])
+            Pack(group[i * len(group) // count : (i + 1) * len(group) // count], restore)
             for group, count in zip(groups, counts, strict=True)
             for i in range(count)
         ]
@@ -96,49 +107,56 @@ class Pack:
         stretch: int = 100,
         stop: Callable[[], bool] = lambda: False,
     ) -> list[Metrics] | None:
-        """Learn for ``evaluate_every`` trials, evaluate, and save.
+        """Learn until the next evaluation, evaluate, and save; save in between what would be lost otherwise.
+
+        Runs that were resumed may be out of step: then only those that are due are evaluated.
 
         Parameters
         ----------
         report : callable
-            Called with each run's news after each ``stretch`` of trials and after the evaluation.
+            Called with each run's news after each stretch of trials and after the evaluation.
         stretch : int
-            Trials between calls; the result does not depend on it.
+            Trials between calls at most; fewer where they take longer than :data:`STRETCH_SECONDS`. The result does not
+            depend on it.
         stop : callable
-            Asked after each stretch. When it says True, the period is left unfinished and forgotten: the runs stand
-            where they last were saved, or at their beginning, and None is returned.
+            Asked after each stretch. When it says True, the runs are saved as they stand, and None is returned.
 
         Raises
         ------
         FloatingPointError
             When the period is over for the others: it names the runs that have diverged and left the pack.
         """
-        started = time.perf_counter()
-        left = self.runs[0].config.evaluate_every
-        while left and self.runs:
-            count = min(stretch, left)
-            before = time.perf_counter()
-            means = self._learn(count)
-            left -= count
-            rate = count / (time.perf_counter() - before)
+        count = 1
+        before = time.perf_counter()
+        while self.runs and not self._due():
+            count = min(count, stretch, *(run.left for run in self.runs))
+            means = self._learn(count, report)
+            before, elapsed = time.perf_counter(), time.perf_counter() - before
+            rate = count / elapsed
             for run, along in means.items():
+                run.seconds += elapsed
                 report(Report(run, Progress(run.trial, rate, along), None))
-            if left and stop():
-                for run in self.runs:
-                    run.forget_unsaved()
-                self._join()
+            stopped = not self._due() and stop()
+            for run in self.runs:
+                if stopped or time.monotonic() - run.saved_at > SAVE_SECONDS:
+                    run.save_unfinished()
+            if stopped:
                 self._say_what_diverged()
                 return None
+            count = max(1, round(STRETCH_SECONDS * rate))
         rows = []
-        for run in self.runs:
-            metrics = run.evaluate(run.seconds + time.perf_counter() - started)
+        for run in self._due():
+            metrics = run.evaluate(run.seconds + time.perf_counter() - before)
             run.save(metrics)
             report(Report(run, None, metrics))
             rows.append(metrics)
         self._say_what_diverged()
         return rows
 
-    def _learn(self, count: int) -> dict[TrainingRun, Along]:
+    def _due(self) -> list[TrainingRun]:
+        return [run for run in self.runs if run.left <= 0]
+
+    def _learn(self, count: int, report: Callable[[Report], None]) -> dict[TrainingRun, Along]:
         """``count`` trials of each run: means along them, of those that have not diverged."""
         news: list[Along | FloatingPointError]
         if self._team is not None:
@@ -152,7 +170,7 @@ class Pack:
         means: dict[TrainingRun, Along] = {}
         for run, along in zip(list(self.runs), news, strict=True):
             if isinstance(along, FloatingPointError):
-                self._drop(run, str(along))
+                self._diverge(run, f"{run.directory}: {along}", report)
             else:
                 run.trial += count
                 means[run] = along
@@ -160,11 +178,18 @@ class Pack:
             self._join()
         return means
 
-    def _drop(self, run: TrainingRun, why: str) -> None:
-        """Leave ``run`` as it was last saved, and go on without it."""
-        self._diverged.append(f"{run.directory}: {why}")
-        run.forget_unsaved()
-        self.runs.remove(run)
+    def _diverge(self, run: TrainingRun, why: str, report: Callable[[Report], None]) -> None:
+        """Leave ``run`` as it was last evaluated, and go on without it, or with it from there."""
+        where = f"trial {run.evaluated_trial:,}, " + ("as last evaluated" if run.history else "its beginning")
+        if self.restore and run.restores < RESTORES:
+            run.restart()
+            warning = f"{why}; it goes on from {where}, with other random numbers ({run.restores} of {RESTORES} times)"
+            report(Report(run, None, None, warning))
+        else:
+            run.forget_unfinished()
+            self.runs.remove(run)
+            self._diverged.append(f"{why}; it stands at {where}")
+            report(Report(run, None, None, self._diverged[-1]))
 
     def _say_what_diverged(self) -> None:
         news, self._diverged = self._diverged, []
@@ -180,6 +205,8 @@ def train_together(
     enough: Callable[[TrainingRun], bool] = lambda run: False,
     report: Callable[[Report], None] = lambda report: None,
     workers: int | None = None,
+    stop: Callable[[], bool] = lambda: False,
+    on_divergence: Literal["stop", "restore"] = "stop",
 ) -> None:
     """Advance several runs side by side, each in a thread (the compiled learner holds no lock).
 
@@ -190,49 +217,57 @@ def train_together(
     trials : int, optional
         Each run stops at the first evaluation with at least this many trials.
     seconds : float, optional
-        Wall-clock time after which all runs stop. What a run learned since its last evaluation is dropped, in memory
-        as on disk, so that it stays reproducible.
+        Wall-clock time after which all runs stop and are saved as they stand.
     enough : callable
         As soon as it is true of one run after an evaluation, all runs stop.
     report : callable
         Called with news, from the threads of the runs.
     workers : int, optional
         Runs at a time; as many as there are cores by default.
+    stop : callable
+        When it says True, all runs stop after the stretch they are in, and are saved as they stand.
+    on_divergence : "stop" or "restore"
+        A run that diverges stops, or goes on from its last evaluation with other random numbers, :data:`RESTORES` times
+        at most.
 
     Raises
     ------
     FloatingPointError
-        When all others are done: it names the runs that have diverged, which stand where they last were saved.
+        When all others are done: it names the runs that have diverged, which stand where they last were evaluated.
+    RunInUseError
+        When another process learns in one of the directories; nothing was learned then.
     """
+    restore = on_divergence == "restore"
     deadline = np.inf if seconds is None else time.monotonic() + seconds
     finished = threading.Event()
     diverged: list[str] = []
 
     def over() -> bool:
-        return finished.is_set() or time.monotonic() > deadline
+        return finished.is_set() or time.monotonic() > deadline or stop()
 
     def work(pack: Pack) -> None:
         try:
             while pack.runs and not over():
-                unfinished = [run for run in pack.runs if trials is None or run.trial < trials]
-                if not unfinished:
-                    return
+                unfinished = [run for run in pack.runs if trials is None or run.evaluated_trial < trials]
                 if len(unfinished) < len(pack.runs):
-                    pack = Pack(unfinished)
+                    pack = Pack(unfinished, restore)
                 try:
-                    if pack.advance(report, stop=over) is None:
-                        return
+                    pack.advance(report, stop=over)
                 except FloatingPointError as error:
                     diverged.append(str(error))
                 if any(enough(run) for run in pack.runs):
                     finished.set()
+            for run in pack.runs:  # those that were out of step with the one that was evaluated last
+                run.save_unfinished()
         except BaseException:
             finished.set()
             raise
 
     workers = workers or os.cpu_count() or 1
-    with ThreadPoolExecutor(workers) as pool:
-        futures = [pool.submit(work, pack) for pack in Pack.of(runs, workers)]
+    with contextlib.ExitStack() as held, ThreadPoolExecutor(workers) as pool:
+        for run in runs:
+            held.enter_context(run.held())
+        futures = [pool.submit(work, pack) for pack in Pack.of(runs, workers, restore)]
         try:
             for future in futures:
                 future.result()

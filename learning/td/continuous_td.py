@@ -44,6 +44,10 @@ Array = NDArray[np.float64]
 T = TypeVar("T", float, Array, Tensor)
 
 
+MOST_STEPS = 10_000_000
+"""In a trial, which nothing interrupts; more are taken for a slip."""
+
+
 @dataclass(frozen=True)
 class TDSettings:
     """What defines a learner, besides its problem and its network."""
@@ -66,6 +70,11 @@ class TDSettings:
         require_not_negative(self, "s_lambda")
         if self.trial_duration < self.dt:
             raise ValueError(f"trial_duration must be at least dt = {self.dt}, got {self.trial_duration!r}")
+        if self.trial_duration / self.dt > MOST_STEPS:
+            raise ValueError(
+                f"a trial must have at most {MOST_STEPS:,} steps, got trial_duration {self.trial_duration!r} "
+                f"and dt {self.dt!r}"
+            )
 
     @property
     def initial_rate(self) -> float:

@@ -20,7 +20,7 @@ from swimmer_mj.learning.networks.networks import Cascade, DType, Sigmoid
 from swimmer_mj.learning.networks.policy import GreedyPolicy
 from swimmer_mj.learning.problems.forms import CompiledForm, Learner, TrialsForm
 from swimmer_mj.learning.problems.problem import DT, ControlProblem, episode_shares
-from swimmer_mj.learning.problems.settings import require_choices
+from swimmer_mj.learning.problems.settings import require_choices, require_units
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
 from swimmer_mj.learning.td.population import LANES, PopulationTD
@@ -56,8 +56,7 @@ class TemporalDifferences:
 
     def __post_init__(self) -> None:
         require_choices(self)
-        if self.neurons < 2:
-            raise ValueError(f"neurons must be at least 2, one hidden and the output; got {self.neurons}")
+        require_units("neurons", self.neurons, 2)
 
     @classmethod
     def from_options(
@@ -99,11 +98,14 @@ class TemporalDifferences:
     team_size: ClassVar[int] = LANES
 
     def team_key(self, problem: ControlProblem) -> Hashable | None:
-        """Problem, network and time, with engine "population"."""
+        """Problem, network, time, and whether each weight has a rate of its own, with engine "population".
+
+        A pack with such rates is another kernel, of other rounding: what a run computes must not depend on the others.
+        """
         if self.engine != "population":
             return None
         time = TDSettings(dt=self.settings.dt, trial_duration=self.settings.trial_duration)
-        return problem, dataclasses.replace(self, settings=time)
+        return problem, dataclasses.replace(self, settings=time), self.settings.vario is not None
 
     def team(self, learners: Sequence[TDLearning]) -> TDTeam:
         """A pack."""
@@ -146,16 +148,18 @@ class TDLearning:
 
     def learn(self, trials: int) -> Along:
         """``trials`` trials from random states."""
-        along = self._learn(self.problem.initial_states(self.rng, trials))
+        states = self.problem.initial_states(self.rng, trials)
+        value, squared_hamiltonian = self._learn(states)
         self.trials += trials
-        self.require_finite()
-        return along
+        self.require_finite(states, value)
+        return Along(float(value.mean()), float(squared_hamiltonian.mean()))
 
-    def _learn(self, states: Array) -> Along:
+    def _learn(self, states: Array) -> tuple[Array, Array]:
+        """A trial from each of ``states``: means of V and H^2 along each."""
         if self.torch is None and self.environment is None:
             assert self.fused is not None  # engine "fused" or "population"
             statistics = self.fused.train(states)
-            return Along(float(statistics.value.mean()), float(statistics.squared_hamiltonian.mean()))
+            return statistics.value, statistics.squared_hamiltonian
         settings = self.method.settings
         if self.environment is not None:
             learner: Learner | None = self.fused if self.torch is None else self.torch
@@ -164,16 +168,22 @@ class TDLearning:
         else:
             assert self.torch is not None
             moments = [moment for x in states for moment in self.torch.run_trial(x)]
-        values = np.array([moment.value for moment in moments])
-        hamiltonians = np.array([moment.hamiltonian for moment in moments])
-        return Along(float(values.mean()), float((hamiltonians**2).mean()))
+        values = np.array([moment.value for moment in moments]).reshape(len(states), -1)
+        hamiltonians = np.array([moment.hamiltonian for moment in moments]).reshape(len(states), -1)
+        return values.mean(axis=1), (hamiltonians**2).mean(axis=1)
 
-    def require_finite(self) -> None:
-        """Raise FloatingPointError if learning has diverged."""
-        if not torch.isfinite(self.network.weight).all():
-            raise FloatingPointError(
-                f"weights are no longer finite after {self.trials} trials: eta {self.method.settings.eta} is too large"
-            )
+    def require_finite(self, states: Array, value: Array) -> None:
+        """Raise FloatingPointError if learning diverged in the last trials; where they began, and mean V of each."""
+        if torch.isfinite(self.network.weight).all():
+            return
+        k = int(
+            np.argmin(np.append(np.isfinite(value[:-1]), False))
+        )  # the first that is not finite, else the last
+        x = np.array2string(states[k], precision=3, separator=", ", max_line_width=np.inf)
+        raise FloatingPointError(
+            f"weights are no longer finite after trial {self.trials - len(states) + k + 1:,}, which began at x = {x}: "
+            f"eta {self.method.settings.eta} is too large"
+        )
 
     def judge(self, states: Array) -> tuple[Array, Array]:
         """V and H at ``states``."""
@@ -207,6 +217,10 @@ class TDLearning:
         """The state of the generator of initial states."""
         return {"rng": self.rng.bit_generator.state, "trial": self.trials}
 
+    def reseed(self, seed: int) -> None:
+        """Other initial states from here on."""
+        self.rng = np.random.default_rng(seed)
+
     def restore(self, tensors: Mapping[str, Tensor], info: Mapping[str, Any]) -> None:
         """Go on from what was saved."""
         for name, tensor in self.tensors().items():
@@ -230,8 +244,8 @@ class TDTeam:
         for lane, one in enumerate(self.learners):
             one.trials += trials
             try:
-                one.require_finite()
                 V, H2 = statistics.value[:, lane], statistics.squared_hamiltonian[:, lane]
+                one.require_finite(states[lane], V)
                 news.append(Along(float(V.mean()), float(H2.mean())))
             except FloatingPointError as error:
                 news.append(error)

@@ -86,14 +86,19 @@ class ValueGradientLearner(Generic[Network]):
         self._moment = torch.zeros_like(self._weights)
         self._second_moment = torch.zeros_like(self._weights)
         self._gradient = torch.zeros_like(self._weights)
-        self._rng = np.random.default_rng(seed)
-        self._generator = torch.Generator().manual_seed(seed)
-        self._states = problem.initial_states(self._rng, settings.trajectories)
         self._rounds_per_trial = max(1, round(settings.trial_duration / (settings.steps * settings.dt)))
-        # How old each trajectory is, in rounds: out of step with the others.
-        self._age = self._rng.integers(0, self._rounds_per_trial, settings.trajectories)
+        self.reseed(seed)
         self._updates = 0
         self.rounds = 0
+
+    def reseed(self, seed: int) -> None:
+        """Begin the random draws, and with them all trajectories, anew with ``seed``; the weights stay."""
+        count = self.settings.trajectories
+        self._rng = np.random.default_rng(seed)
+        self._generator = torch.Generator().manual_seed(seed)
+        self._states = self.problem.initial_states(self._rng, count)
+        # How old each trajectory is, in rounds: out of step with the others.
+        self._age = self._rng.integers(0, self._rounds_per_trial, count)
 
     @property
     def simulation_steps(self) -> int:
@@ -136,8 +141,12 @@ class ValueGradientLearner(Generic[Network]):
                     f"the loss is not finite with the initial weights: dt {self.settings.dt} is too large for the "
                     "problem's drift, or a derivative of its drift, control matrix, reward rate or inputs is not finite"
                 )
+            farthest = int(
+                np.nan_to_num(np.abs(self._states), nan=np.inf, posinf=np.inf).max(axis=1).argmax()
+            )
+            x = np.array2string(self._states[farthest], precision=3, separator=", ", max_line_width=np.inf)
             raise FloatingPointError(
-                f"the loss is no longer finite in round {self.rounds}: "
+                f"the loss is no longer finite in round {self.rounds}, whose farthest trajectory is at x = {x}: "
                 f"learning_rate {self.settings.learning_rate} or dt {self.settings.dt} is too large"
             )
         if norm > self.settings.clip:

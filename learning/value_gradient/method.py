@@ -17,7 +17,7 @@ from swimmer_mj.learning.networks.networks import Cascade, DType, Multilayer, Si
 from swimmer_mj.learning.networks.policy import GreedyPolicy
 from swimmer_mj.learning.problems.forms import TrialsForm
 from swimmer_mj.learning.problems.problem import ControlProblem
-from swimmer_mj.learning.problems.settings import require_choices
+from swimmer_mj.learning.problems.settings import require_choices, require_units
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
 
@@ -48,8 +48,9 @@ class ValueGradients:
 
     def __post_init__(self) -> None:
         require_choices(self)
-        if self.neurons < 2:
-            raise ValueError(f"neurons must be at least 2, one hidden and the output; got {self.neurons}")
+        require_units("neurons", self.neurons, 2)
+        for units in self.layers or ():
+            require_units("layers", units, 1)
         if self.layers is not None and self.sigmoid != "tanh":
             raise ValueError(f"layers are of tanh units: sigmoid must be 'tanh', got {self.sigmoid!r}")
 
@@ -134,6 +135,10 @@ class ValueGradientLearning:
     def info(self) -> dict[str, Any]:
         """The learner's counters and generator."""
         return {"learner": self.learner.state_dict()["info"], "trial": self.trials}
+
+    def reseed(self, seed: int) -> None:
+        """Other initial states, flips and minibatches from here on."""
+        self.learner.reseed(seed)
 
     def restore(self, tensors: Mapping[str, Tensor], info: Mapping[str, Any]) -> None:
         """Go on from what was saved."""

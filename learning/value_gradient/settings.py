@@ -9,6 +9,10 @@ from swimmer_mj.learning.problems.settings import require_not_negative, require_
 __all__ = ["ValueGradientSettings"]
 
 
+MOST_STATES = 10_000_000
+"""In a round, all of which are kept; more are taken for a slip."""
+
+
 @dataclass(frozen=True)
 class ValueGradientSettings:
     """What defines a learner, besides its problem and its network. What changing a default does: docs/beyond.md."""
@@ -62,6 +66,10 @@ class ValueGradientSettings:
         if self.steps * self.dt > self.trial_duration * (1 + 1e-9):
             raise ValueError(
                 f"trial_duration must be at least steps x dt = {self.steps * self.dt:g} s, got {self.trial_duration}"
+            )
+        if self.trajectories * self.steps > MOST_STATES:
+            raise ValueError(
+                f"trajectories x steps must be at most {MOST_STATES:,}, got {self.trajectories * self.steps:,}"
             )
         if self.minibatch > self.trajectories * self.steps:
             raise ValueError(

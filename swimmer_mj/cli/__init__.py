@@ -1,7 +1,8 @@
 """Command line: ``swimmer-mj``, also ``python -m swimmer_mj``.
 
 Every command imports what it needs when it runs. With ``--json`` a command prints one JSON object on standard output
-and nothing else there. Exit status: 0 done, 1 a check failed, 2 bad usage or bad input (one line on standard error).
+and nothing else there. Exit status: 0 done, 1 a check failed or learning diverged, 2 bad usage or bad input, 130 and
+143 stopped by SIGINT and SIGTERM (all but a failed check with one line on standard error).
 The commands stand in the modules of this package; each function's signature and docstring are its command's help.
 """
 
@@ -24,6 +25,8 @@ from swimmer_mj.cli.demonstration import demo
 from swimmer_mj.cli.output import CheckFailedError
 from swimmer_mj.cli.pictures import figures, render
 from swimmer_mj.cli.runs import evaluate, info
+from swimmer_mj.cli.signals import StoppedError
+from swimmer_mj.cli.sweep import sweep
 from swimmer_mj.cli.training import train
 from swimmer_mj.cli.viewing import view
 from swimmer_mj.cli.webpage import page
@@ -31,10 +34,11 @@ from swimmer_mj.cli.webpage import page
 __all__ = ["COMMANDS", "main"]
 
 COMMANDS: tuple[Callable[..., None], ...] = (
-    demo, train, evaluate, render, page, view, validate, figures, bench, info, doctor,
+    demo, train, sweep, evaluate, render, page, view, validate, figures, bench, info, doctor,
 )  # fmt: skip
 """In the order of the help."""
 
+_NO_MEMORY = "there is not enough memory for this; ask for less: links, neurons, seeds, trajectories"
 _DESCRIPTION = "The swimmer of Coulom (2002) and the learner that makes it swim."
 
 
@@ -69,6 +73,13 @@ def _complain(message: str) -> int:
     return 2
 
 
+def _said(error: OSError) -> str:
+    """What an error of the system says, without its number."""
+    if error.errno is None or error.strerror is None:
+        return str(error)
+    return ": ".join(str(part) for part in (error.filename, error.strerror) if part)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
@@ -88,8 +99,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         command()
     except CheckFailedError:
         return 1
+    except StoppedError as stopped:
+        return _complain(str(stopped)) and stopped.status
     except KeyboardInterrupt:
         return _complain("interrupted") and 130
-    except (ValueError, OSError, FloatingPointError, BackendError) as error:
+    except FloatingPointError as error:
+        return _complain(str(error)) and 1
+    except MemoryError:
+        return _complain(_NO_MEMORY)
+    except RuntimeError as error:
+        if "allocate memory" not in str(error):  # torch's way to say it
+            raise
+        return _complain(_NO_MEMORY)
+    except OSError as error:
+        return _complain(_said(error))
+    except (ValueError, BackendError) as error:
         return _complain(str(error))
     return 0

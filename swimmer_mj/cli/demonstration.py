@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from swimmer_mj.cli.options import check_seed
+from swimmer_mj.cli.options import check_directory, check_seed
 from swimmer_mj.cli.output import (
     CheckFailedError,
     make_console,
@@ -45,6 +45,7 @@ def demo(
         json: Print one JSON object.
     """
     check_seed(seed)
+    check_directory(out)
 
     from swimmer_mj.render.backend import use_backend
 

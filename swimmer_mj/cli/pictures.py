@@ -9,12 +9,16 @@ from typing import Literal
 
 from tyro.conf import Positional
 
+from swimmer_mj.cli.options import check_directory, trust_modules
 from swimmer_mj.cli.output import make_console, make_table, print_json, print_line, status
 from swimmer_mj.cli.runs import Which, first_policy_directory
 
 __all__ = ["Backend", "figures", "render", "render_run"]
 
 Backend = Literal["osmesa", "egl", "glfw", "cgl"]
+
+LONGEST, FASTEST = 3600.0, 240
+"""s of an episode, frames a second; more are taken for a slip."""
 
 
 def render(
@@ -24,6 +28,7 @@ def render(
     duration: float = 13.0,
     fps: int = 30,
     backend: Backend | None = None,
+    trust: tuple[str, ...] = (),
     json: bool = False,
 ) -> None:
     """Video, film strip, learning curve and plots of an episode of a trained run; of no swimmer, the curve and plots.
@@ -35,12 +40,20 @@ def render(
         duration: Length of the episode, s; the target direction is reversed after 5/13 of it, as in figure 3.
         fps: Frames per second of the video.
         backend: OpenGL backend; by default the one that MUJOCO_GL names, else OSMesa, on macOS CGL.
+        trust: Modules of one's own that may run when the run names them (docs/extending.md).
         json: Print one JSON object.
     """
     if not 1 <= duration < math.inf:
         raise ValueError(f"--duration must be finite and at least 1 s, got {duration}")
     if fps < 1:
         raise ValueError(f"--fps must be at least 1, got {fps}")
+    if duration > LONGEST or fps > FASTEST:
+        raise ValueError(
+            f"--duration must be at most {LONGEST:.0f} s and --fps at most {FASTEST}, got {duration} and {fps}"
+        )
+    if out is not None:
+        check_directory(out)
+    trust_modules(trust)
 
     from swimmer_mj.learning.pretrained import PRETRAINED
     from swimmer_mj.render.backend import use_backend

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from tyro.conf import Positional
 
+from swimmer_mj.cli.options import trust_modules
 from swimmer_mj.cli.output import make_console, print_evaluation, print_facts, print_json, print_line, status
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ def evaluate(
     run: Positional[Path],
     which: Which = "best",
     episodes: int = 64,
+    trust: tuple[str, ...] = (),
     json: bool = False,
 ) -> None:
     """How good is what a run has learned, and how far is V from the returns it predicts.
@@ -44,10 +46,12 @@ def evaluate(
             a pretrained policy, such as swim5-paper.
         which: The weights that were best while training, or the last.
         episodes: How many episodes; 64 by the definition of swimming speed.
+        trust: Modules of one's own that may run when the run names them (docs/extending.md).
         json: Print one JSON object.
     """
     if not 1 <= episodes <= 64:
         raise ValueError(f"--episodes must be between 1 and 64, got {episodes}")
+    trust_modules(trust)
 
     from swimmer_mj.learning.runs.evaluation import evaluate_run
 
@@ -88,13 +92,15 @@ def _over_seeds(results: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def info(run: Positional[Path | None] = None, json: bool = False) -> None:
+def info(run: Positional[Path | None] = None, trust: tuple[str, ...] = (), json: bool = False) -> None:
     """What this package offers, or what a run is and how far it has come.
 
     Args:
         run: Run directory or name of a pretrained policy, if any; with several seeds in it, each is described.
+        trust: Modules of one's own that may run when the run names them.
         json: Print one JSON object.
     """
+    trust_modules(trust)
     console = make_console(json)
     if run is None:
         facts = _package_facts()

@@ -6,7 +6,9 @@ import contextlib
 import dataclasses
 import inspect
 import json as json_module
+import math
 import re
+import shlex
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,9 +16,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from swimmer_mj.cli.options import check_seed
+from swimmer_mj.cli.options import check_directory, check_seed, trust_modules
 from swimmer_mj.cli.output import live_display, make_console, make_table, print_json, print_line
 from swimmer_mj.cli.runs import run_directories
+from swimmer_mj.cli.signals import StoppedError, asked_to_stop
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -25,7 +28,12 @@ if TYPE_CHECKING:
     from swimmer_mj.learning.runs.run import TrainingRun
     from swimmer_mj.learning.runs.together import Report
 
-__all__ = ["parse_seeds", "train", "train_runs"]
+__all__ = ["OPTIONS", "changed", "configured", "parse_seeds", "train", "train_runs"]
+
+OPTIONS = (
+    "links", "physics", "engine", "neurons", "eta", "s_gamma", "s_lambda", "vario_eta", "dtype", "device",
+)  # fmt: skip
+"""Those of the options of :func:`train` that belong to a problem or a method."""
 
 
 def train(
@@ -48,6 +56,8 @@ def train(
     dtype: Literal["float32", "float64"] | None = None,
     device: Literal["cpu", "cuda"] | None = None,
     evaluate_every: int | None = None,
+    on_divergence: Literal["stop", "restore"] = "stop",
+    trust: tuple[str, ...] = (),
     settings: Annotated[tuple[str, ...], tyro.conf.arg(name="set")] = (),
     json: bool = False,
 ) -> None:
@@ -77,6 +87,9 @@ def train(
         dtype: Floating-point type of the network; float32 by default.
         device: Where value-gradient computes; td learns on the CPU.
         evaluate_every: Trials, of 5 s of simulated time, between evaluations; 2,000 by default for td, else 1,000.
+        on_divergence: A run that diverges stops, or goes on from its last evaluation with other random numbers, at
+            most 10 times.
+        trust: Modules of one's own that may run when a run that names them is resumed.
         settings: Any other settings of the problem, the method or its learner, as name=value: --set mass=2 flips=0.1.
         json: Print one JSON object.
     """
@@ -85,10 +98,13 @@ def train(
     if seeds is not None and seed != 0:
         raise ValueError(f"give --seed or --seeds, not both (got {seed} and {seeds})")
     for name, value in (("--trials", trials), ("--seconds", seconds)):
-        if value is not None and not value > 0:
-            raise ValueError(f"{name} must be positive, got {value}")
+        if value is not None and not 0 < value < math.inf:
+            raise ValueError(f"{name} must be positive and finite, got {value}")
     chosen = [seed] if seeds is None else parse_seeds(seeds)
-    if resume and (superfluous := typed - {"--out", "--resume", "--trials", "--seconds", "--json"}):
+    if resume and (
+        superfluous := typed
+        - {"--out", "--resume", "--trials", "--seconds", "--on-divergence", "--trust", "--json"}
+    ):
         raise ValueError(
             f"--resume goes on with the run's own configuration: leave out {', '.join(sorted(superfluous))}"
         )
@@ -96,6 +112,7 @@ def train(
     from swimmer_mj.learning.runs.config import CONFIG
     from swimmer_mj.learning.runs.run import TrainingRun
 
+    trust_modules(trust)
     if resume:
         runs = [TrainingRun(directory, resume=True) for directory in run_directories(out)]
     else:
@@ -112,10 +129,11 @@ def train(
             "device": device,
         }
         given = {name: value for name, value in options.items() if value is not None}
-        config = _configured(problem, method, given, len(chosen))
-        config = _changed(config, settings)
+        config = configured(problem, method, given, len(chosen))
+        config = changed(config, settings)
         if evaluate_every is not None:
             config = dataclasses.replace(config, evaluate_every=evaluate_every)
+        check_directory(out)
         directories = [out] if seeds is None else [out / f"seed-{s}" for s in chosen]
         for directory in directories:  # all of them before the first is written to
             if directory.exists() and not directory.is_dir():
@@ -131,12 +149,12 @@ def train(
     if trials is None and seconds is None:
         trials = 100_000
     console = make_console(json)
-    train_runs(console, runs, trials=trials, seconds=seconds)
+    train_runs(console, runs, trials=trials, seconds=seconds, on_divergence=on_divergence)
     results = [
         {
             "run": str(r.directory),
             "seed": r.config.seed,
-            "trials": r.history[-1].trial if r.history else 0,  # what was learned after it is not kept
+            "trials": r.trial,
             "best_speed": r.best_speed if r.history else None,
         }
         for r in runs
@@ -153,7 +171,7 @@ def _typed(values: dict[str, Any]) -> set[str]:
     }
 
 
-def _configured(problem: str, method: str, options: dict[str, Any], count: int) -> RunConfig:
+def configured(problem: str, method: str, options: dict[str, Any], count: int) -> RunConfig:
     """``count`` runs of a problem and a method by their names, with the options that belong to either."""
     from swimmer_mj.learning.method import TeamMethod
     from swimmer_mj.learning.runs.config import RunConfig
@@ -180,27 +198,36 @@ def _configured(problem: str, method: str, options: dict[str, Any], count: int) 
     return config if every is None else dataclasses.replace(config, evaluate_every=every)
 
 
-def _changed(config: RunConfig, settings: Sequence[str]) -> RunConfig:
+def changed(config: RunConfig, settings: Sequence[str]) -> RunConfig:
     """``config`` with fields of its problem, of its method or of the method's ``settings`` as "name=value" says."""
     problem, method = config.problem, config.method
     for text in settings:
         name, equals, value = text.partition("=")
         if not equals:
             raise ValueError(f"--set must be like mass=2, got {text!r}")
-        with contextlib.suppress(json_module.JSONDecodeError):  # else it is a string
+        with contextlib.suppress(ValueError, RecursionError):  # else it is a string
             value = json_module.loads(value)
-        change = {name: tuple(value) if isinstance(value, list) else value}
         learner = getattr(method, "settings", None)
         if name in _fields(problem):
-            problem = dataclasses.replace(problem, **change)  # pyright: ignore[reportArgumentType]
+            problem = _replaced(problem, name, value)
         elif name in _fields(method):
-            method = dataclasses.replace(method, **change)  # pyright: ignore[reportArgumentType]
+            method = _replaced(method, name, value)
         elif name in _fields(learner):
-            method = dataclasses.replace(method, settings=dataclasses.replace(learner, **change))  # pyright: ignore
+            method = dataclasses.replace(method, settings=_replaced(learner, name, value))  # pyright: ignore
         else:
             known = sorted({*_fields(problem), *_fields(method), *_fields(learner)})
             raise ValueError(f"--set: there is no setting {name!r}; there are {', '.join(known)}")
     return dataclasses.replace(config, problem=problem, method=method)
+
+
+def _replaced(thing: Any, name: str, value: Any) -> Any:
+    """``thing`` with another value of the field ``name``."""
+    from swimmer_mj.learning.runs.registry import setting
+
+    try:
+        return dataclasses.replace(thing, **{name: setting(type(thing), name, value)})
+    except (TypeError, OverflowError) as error:
+        raise ValueError(f"--set {name}: {error}") from error
 
 
 def _fields(thing: Any) -> set[str]:
@@ -214,8 +241,15 @@ def train_runs(
     trials: int | None = None,
     seconds: float | None = None,
     enough: Callable[[TrainingRun], bool] = lambda run: False,
+    on_divergence: Literal["stop", "restore"] = "stop",
 ) -> None:
-    """Train ``runs`` together, with a live table on a terminal and a line an evaluation elsewhere."""
+    """Train ``runs`` together, with a live table on a terminal and a line an evaluation elsewhere.
+
+    Raises
+    ------
+    StoppedError
+        After SIGINT or SIGTERM; all runs are saved as they stand.
+    """
     import torch
     from rich.markup import escape
 
@@ -236,9 +270,19 @@ def train_runs(
             drawn.add_row(*(escape(row.get(column, "")) for column in columns))
         return drawn
 
-    with live_display(console, table) as live:
+    said = dict.fromkeys(news, started)  # when a run last had a line
+    if not console.is_terminal:
+        period = runs[0].config.evaluate_every
+        print_line(
+            console,
+            f"learning begins, the first time on a machine after up to some minutes of compiling; a line after each "
+            f"evaluation, every {period:,} trials, and each {QUIET:.0f} s",
+        )
+    with asked_to_stop() as signal_number, live_display(console, table) as live:
 
         def report(report: Report) -> None:
+            if report.warning is not None:
+                print_line(console, report.warning)
             row = news[id(report.run)]
             row["elapsed"] = f"{time.monotonic() - started:.0f} s"
             if report.progress is not None:
@@ -249,21 +293,58 @@ def train_runs(
                 row["<H²>"] = f"{report.metrics.mean_squared_hamiltonian:.3f}{in_m2_s2}"
                 row[speed] = f"{report.metrics.speed:.3f}{in_m_s}"
                 row["best"] = f"{report.run.best_speed:.3f}{in_m_s}"
-                if live is None:
-                    line = "  ".join(f"{column} {row[column]}" for column in columns if column in row)
-                    print_line(console, line)
+            now = time.monotonic()
+            if live is None and (report.metrics is not None or now - said[id(report.run)] > QUIET):
+                said[id(report.run)] = now
+                print_line(
+                    console, "  ".join(f"{column} {row[column]}" for column in columns if column in row)
+                )
 
-        train_together(runs, trials=trials, seconds=seconds, enough=enough, report=report)
+        train_together(
+            runs,
+            trials=trials,
+            seconds=seconds,
+            enough=enough,
+            report=report,
+            stop=lambda: signal_number() is not None,
+            on_divergence=on_divergence,
+        )
+        stopped_by = signal_number()
+    if stopped_by is not None:
+        raise StoppedError(stopped_by, f"saved; go on with: {how_to_go_on(runs, trials)}")
+
+
+QUIET = 30.0
+"""s without a line, where there is no live table."""
+
+
+def how_to_go_on(runs: Sequence[TrainingRun], trials: int | None) -> str:
+    """The command, or commands, that resume ``runs``."""
+    directories = [run.directory for run in runs]
+    if len(runs) > 1 and all(run.directory.name == f"seed-{run.config.seed}" for run in runs):
+        directories = sorted({directory.parent for directory in directories})
+    until = [] if trials is None else ["--trials", str(trials)]
+    commands = (["swimmer-mj", "train", "--out", str(path), "--resume", *until] for path in directories)
+    return " && ".join(map(shlex.join, commands))
+
+
+MOST_SEEDS = 1000
+"""For one command."""
 
 
 def parse_seeds(text: str) -> list[int]:
     """[0, 1, 2, 5] of "0-2,5"."""
     seeds: list[int] = []
     for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d+)(?:\s*-\s*(\d+))?\s*", part)
+        match = re.fullmatch(r"\s*([0-9]{1,18})(?:\s*-\s*([0-9]{1,18}))?\s*", part)
         if match is None or (match[2] and int(match[2]) < int(match[1])):
-            raise ValueError(f"--seeds must be like 0-7 or 1,4,9; got {text!r}")
-        seeds.extend(range(int(match[1]), int(match[2] or match[1]) + 1))
+            raise ValueError(f"--seeds must be like 0-7 or 1,4,9; got {text[:80]!r}")
+        first, last = int(match[1]), int(match[2] or match[1])
+        if len(seeds) + last - first + 1 > MOST_SEEDS:
+            raise ValueError(
+                f"--seeds names more than {MOST_SEEDS:,} seeds: {text[:80]!r}; take some of them at a time"
+            )
+        seeds.extend(range(first, last + 1))
     if len(set(seeds)) < len(seeds):
-        raise ValueError(f"--seeds names a seed twice: {text!r}")
+        raise ValueError(f"--seeds names a seed twice: {text[:80]!r}")
     return seeds

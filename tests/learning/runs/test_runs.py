@@ -1,6 +1,12 @@
 import csv
 import dataclasses
 import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -9,12 +15,14 @@ import torch
 from swimmer_mj.learning.problems.cart_pole import CartPole
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.swim import Swimming
+from swimmer_mj.learning.runs import together
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint
 from swimmer_mj.learning.runs.config import RunConfig, read_config
+from swimmer_mj.learning.runs.lock import RunInUseError
 from swimmer_mj.learning.runs.run import Metrics, TrainingRun, load_policy
 from swimmer_mj.learning.runs.together import Pack, train_together
 from swimmer_mj.learning.td.continuous_td import TDSettings
-from swimmer_mj.learning.td.method import TemporalDifferences
+from swimmer_mj.learning.td.method import TDLearning, TemporalDifferences
 from swimmer_mj.learning.td.vario_eta import VarioEta
 from swimmer_mj.learning.value_gradient.method import ValueGradients
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
@@ -40,8 +48,12 @@ def advance(run, **kwargs):
     return None if metrics is None else metrics[0]
 
 
+def saved(run, name):
+    return load_checkpoint(run.directory / f"{name}.safetensors")[0]
+
+
 def tensors_of(run):
-    return load_checkpoint(run.directory / "checkpoint.safetensors")[0]
+    return saved(run, "checkpoint")
 
 
 def rows_of(run):
@@ -61,10 +73,13 @@ def test_an_interrupted_run_computes_the_same_bits(tmp_path, vario):
     run = TrainingRun(tmp_path / "parts", config)
     advance(run, stretch=7)
     assert advance(run, stretch=3, stop=lambda: True) is None  # cut off in the middle of a period
+    assert [row[0] for row in rows_of(run)] == ["trial", "20"]
     resumed = TrainingRun(tmp_path / "parts", resume=True)
-    assert resumed.trial == 20
+    assert 20 < resumed.trial == run.trial < 40  # it goes on in the middle of the period
+    assert resumed.seconds == run.seconds
     advance(resumed)
     resumed = TrainingRun(tmp_path / "parts", resume=True)
+    assert resumed.trial == 40
     advance(resumed, stretch=1)
 
     assert rows_of(resumed) == rows_of(whole)
@@ -159,7 +174,9 @@ def test_refuses_what_is_no_run(tmp_path):
 def test_says_when_learning_diverges(tmp_path):
     config = small(eta=1e6)
     run = TrainingRun(tmp_path / "run", config)
-    with pytest.raises(FloatingPointError, match=r"no longer finite after \d+ trials: eta 1000000.0 is too"):
+    with pytest.raises(
+        FloatingPointError, match=r"finite after trial \d+, which began at x = \[.*\]: eta 1000000.0"
+    ):
         train_together([run], trials=400)
 
 
@@ -193,7 +210,8 @@ def test_value_gradients_that_diverge_are_named(tmp_path):
 
     good, bad = make("good"), make("bad", learning_rate=1e30)
     with pytest.raises(
-        FloatingPointError, match=r"bad: the loss is no longer finite in round \d+: learning_rate"
+        FloatingPointError,
+        match=r"bad: the loss is no longer finite in round \d+, whose .* at x = \[.*\]: learn",
     ):
         train_together([bad, good], trials=4, workers=1)
     assert (good.trial, bad.trial, bad.history) == (4, 0, [])
@@ -289,26 +307,203 @@ def test_runs_together_stop_when_one_is_good_enough(tmp_path):
     assert max(len(run.history) for run in runs) == 2
 
 
-def test_runs_together_stop_in_time(tmp_path):
+def test_runs_together_stop_in_time_and_keep_what_they_learned(tmp_path):
     run = TrainingRun(tmp_path / "run", small(evaluate_every=10**9))
-    first = run.learning.network.weight.detach().clone()
     train_together([run], seconds=0.2)
     assert run.history == []
-    assert run.trial == 0
-    assert torch.equal(run.learning.network.weight, first)
+    resumed = TrainingRun(tmp_path / "run", resume=True)
+    assert resumed.trial == run.trial > 0
+    assert resumed.best_speed == -np.inf
+    assert torch.equal(resumed.learning.network.weight, run.learning.network.weight)
 
 
-@pytest.mark.parametrize("engine", ["fused", "population"])
-def test_a_run_that_is_stopped_stands_where_it_was_saved(tmp_path, engine):
-    run = TrainingRun(tmp_path / "run", small(engine=engine))
+@pytest.mark.parametrize("engine", ["fused", "population", "torch"])
+def test_a_run_that_is_stopped_goes_on_where_it_stood(tmp_path, engine):
+    config = small(engine=engine, neurons=4, trial_duration=0.2)
+    run = TrainingRun(tmp_path / "run", config)
     advance(run)
     assert advance(run, stretch=3, stop=lambda: True) is None
-    assert run.trial == run.history[-1].trial == 20
-    assert torch.equal(run.learning.network.weight, tensors_of(run)["weight"])
-    whole = TrainingRun(tmp_path / "whole", run.config)
+    assert run.trial == 21
+    assert torch.equal(run.learning.network.weight, saved(run, "unfinished")["weight"])
+    whole = TrainingRun(tmp_path / "whole", config)
     for one in (whole, whole, run):
         advance(one)
     assert rows_of(run) == rows_of(whole)
+    assert torch.equal(run.learning.network.weight, whole.learning.network.weight)
+
+
+def test_runs_that_were_killed_at_different_moments_go_on_in_one_pack(tmp_path):
+    """One at an evaluation, one between two of them, one at its beginning: each computes its own bits."""
+
+    def make(name):
+        return [TrainingRun(tmp_path / f"{name}-{s}", small(s, engine="population")) for s in range(3)]
+
+    runs, whole = make("run"), make("whole")
+    advance(runs[0])
+    advance(runs[1], stop=lambda: True)
+    runs = [TrainingRun(run.directory, resume=True) for run in runs]
+    assert [run.trial for run in runs] == [20, 1, 0]
+    for trials in (20, 60):
+        train_together(runs, trials=trials, workers=1)
+        assert [run.trial for run in runs] == [trials] * 3
+    train_together(whole, trials=60, workers=1)
+    for one, other in zip(runs, whole, strict=True):
+        assert rows_of(one) == rows_of(other)
+        assert torch.equal(tensors_of(one)["weight"], tensors_of(other)["weight"])
+
+
+def test_what_is_learned_is_saved_between_evaluations(tmp_path, monkeypatch):
+    monkeypatch.setattr(together, "SAVE_SECONDS", 0.0)
+    run = TrainingRun(tmp_path / "run", small())
+    seen = []
+
+    def news(report):
+        if report.progress is not None:
+            saved = TrainingRun(tmp_path / "run", resume=True)
+            seen.append((report.progress.trial, saved.trial))
+
+    advance(run, stretch=4, report=news)
+    assert seen == [(1, 0), (5, 1), (9, 5), (13, 9), (17, 13), (20, 17)]
+    assert TrainingRun(tmp_path / "run", resume=True).trial == 20  # of the evaluation, which is newer
+
+
+def test_learning_is_not_interrupted_for_a_save_in_vain(tmp_path):
+    run = TrainingRun(tmp_path / "run", small())
+    advance(run)
+    run.save_unfinished()
+    assert not (tmp_path / "run" / "unfinished.safetensors").exists()
+
+
+# Divergence ----------------------------------------------------------------------------------------------------------
+
+
+class Unlucky:
+    """Makes the learner of a run diverge at some trials, once each."""
+
+    def __init__(self, monkeypatch, *trials):
+        self.trials, learn = {*trials}, TDLearning.learn
+
+        def unlucky(learning, count):
+            along = learn(learning, count)
+            if self.trials & {*range(learning.trials - count + 1, learning.trials + 1)}:
+                self.trials.clear()
+                raise FloatingPointError("weights are no longer finite")
+            return along
+
+        monkeypatch.setattr(TDLearning, "learn", unlucky)
+
+
+def test_a_run_that_diverges_can_go_on_from_its_last_evaluation(tmp_path, monkeypatch):
+    def diverging(name, stretch, stop_at=None):
+        """A run that diverges in trial 33; with another stretch, or after an interruption, at the same bits."""
+        run = TrainingRun(tmp_path / name, small())
+        with monkeypatch.context() as patch:
+            Unlucky(patch, 33)
+            pack, reports = Pack([run], restore=True), []
+            pack.advance(stretch=stretch)
+            if stop_at is not None:
+                pack.advance(stretch=stretch, stop=lambda: run.trial >= stop_at)
+                run = TrainingRun(tmp_path / name, resume=True)
+                pack = Pack([run], restore=True)
+            pack.advance(stretch=stretch, report=reports.append)
+        (warning,) = [report.warning for report in reports if report.warning]
+        assert warning.endswith(
+            "finite; it goes on from trial 20, as last evaluated, with other random numbers (1 of 10 times)"
+        )
+        return run
+
+    run = diverging("run", 100)
+    assert (run.trial, run.restores, len(run.history)) == (40, 1, 2)
+    undisturbed = TrainingRun(tmp_path / "undisturbed", small())
+    for _ in range(2):
+        advance(undisturbed)
+    assert rows_of(run)[:2] == rows_of(undisturbed)[:2]
+    assert rows_of(run)[2] != rows_of(undisturbed)[2]
+    for other in (diverging("other", 3), diverging("interrupted", 2, stop_at=30)):
+        assert rows_of(other) == rows_of(run)
+        assert torch.equal(tensors_of(other)["weight"], tensors_of(run)["weight"])
+    assert TrainingRun(run.directory, resume=True).restores == 1
+
+
+@pytest.mark.parametrize("engine", ["fused", "population"])
+def test_a_run_that_always_diverges_stops_in_the_end(tmp_path, engine):
+    run = TrainingRun(tmp_path / "run", small(eta=1e6, engine=engine))
+    reports = []
+    with pytest.raises(FloatingPointError, match=r"1000000.0 is too large; it stands at trial 0, its beg"):
+        train_together([run], trials=400, on_divergence="restore", report=reports.append)
+    *warnings, last = [report.warning for report in reports if report.warning]
+    assert len(warnings) == together.RESTORES
+    assert len({*warnings}) == len(warnings)
+    assert last.endswith("it stands at trial 0, its beginning")
+    assert run.trial == 0
+    assert torch.isfinite(run.learning.network.weight).all()
+
+
+def test_value_gradients_start_again_with_other_random_numbers(tmp_path):
+    settings = ValueGradientSettings(trajectories=32, steps=5, minibatch=32, dt=0.05)
+    run = TrainingRun(tmp_path / "run", RunConfig(Pendulum(), ValueGradients(settings, (8,)), 0, 2))
+    advance(run)
+    weights, states = run.learning.learner._weights.clone(), run.learning.learner._states.copy()
+    run.restart()
+    assert torch.equal(run.learning.learner._weights, weights)
+    assert (run.learning.learner._states != states).all()
+    advance(run)
+    assert (run.trial, run.restores) == (4, 1)
+
+
+# Two processes -------------------------------------------------------------------------------------------------------
+
+
+def test_a_second_process_is_refused_and_told_who_is_there(tmp_path):
+    run = TrainingRun(tmp_path / "run", SMALL)
+    owner = f"process {os.getpid()} on {socket.gethostname()}"
+    with run.held():
+        before = {path.name: path.read_bytes() for path in run.directory.iterdir()}
+        for refused in (
+            lambda: TrainingRun(tmp_path / "run", resume=True),
+            lambda: train_together([run], trials=20),
+        ):
+            with pytest.raises(
+                RunInUseError, match=f"run is in use by {owner}; wait for it, or stop it with"
+            ):
+                refused()
+        assert {path.name: path.read_bytes() for path in run.directory.iterdir()} == before
+        shutil.copytree(run.directory, tmp_path / "copy")
+        train_together([TrainingRun(tmp_path / "copy", resume=True)], trials=20)
+    train_together([run], trials=20)
+    assert {path.name for path in run.directory.iterdir()} == {
+        path.name for path in (tmp_path / "copy").iterdir()
+    }
+
+
+def test_the_lock_of_a_process_that_was_killed_holds_nobody(tmp_path):
+    run = TrainingRun(tmp_path / "run", SMALL)
+    code = (
+        "import os, signal; from pathlib import Path; from swimmer_mj.learning.runs.lock import locked\n"
+        f"with locked(Path({str(run.directory)!r})): os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    assert subprocess.run([sys.executable, "-c", code]).returncode == -signal.SIGKILL
+    assert (run.directory / ".lock").exists()
+    (run.directory / ".checkpoint.1.partial.safetensors").write_bytes(b"half a f")
+    train_together([run], trials=20)
+    assert not any(path.name.startswith(".") for path in run.directory.iterdir())
+
+
+def test_what_another_process_has_learned_meanwhile_is_not_overwritten(tmp_path):
+    early = TrainingRun(tmp_path / "run", SMALL)
+    train_together([TrainingRun(tmp_path / "run", resume=True)], trials=20)
+    with pytest.raises(
+        RunInUseError, match="was changed by another process since it was read; resume it again"
+    ):
+        train_together([early], trials=20)
+    assert TrainingRun(tmp_path / "run", resume=True).trial == 20
+
+
+def test_a_run_may_be_removed_while_it_is_held(tmp_path):
+    run = TrainingRun(tmp_path / "run", SMALL)
+    with run.held():
+        shutil.rmtree(run.directory)
+    assert not run.directory.exists()
 
 
 @pytest.mark.parametrize(
