@@ -179,7 +179,7 @@ class TDLearning:
         k = int(
             np.argmin(np.append(np.isfinite(value[:-1]), False))
         )  # the first that is not finite, else the last
-        x = np.array2string(states[k], precision=3, separator=", ", max_line_width=np.inf)
+        x = np.array2string(states[k], precision=3, separator=", ", max_line_width=10**6)
         raise FloatingPointError(
             f"weights are no longer finite after trial {self.trials - len(states) + k + 1:,}, which began at x = {x}: "
             f"eta {self.method.settings.eta} is too large"

@@ -144,7 +144,7 @@ class ValueGradientLearner(Generic[Network]):
             farthest = int(
                 np.nan_to_num(np.abs(self._states), nan=np.inf, posinf=np.inf).max(axis=1).argmax()
             )
-            x = np.array2string(self._states[farthest], precision=3, separator=", ", max_line_width=np.inf)
+            x = np.array2string(self._states[farthest], precision=3, separator=", ", max_line_width=10**6)
             raise FloatingPointError(
                 f"the loss is no longer finite in round {self.rounds}, whose farthest trajectory is at x = {x}: "
                 f"learning_rate {self.settings.learning_rate} or dt {self.settings.dt} is too large"

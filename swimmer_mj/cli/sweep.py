@@ -70,12 +70,9 @@ def sweep(
             )
 
     with asked_to_stop() as signal_number:
-        try:
-            run_jobs(jobs, out, trials, report=report, stop=lambda: signal_number() is not None)
-        finally:
-            if out.is_dir():
-                rows = rows_of(jobs, out, trials)
-                write_rows(rows, out / TABLE)
+        run_jobs(jobs, out, trials, report=report, stop=lambda: signal_number() is not None)
+        rows = rows_of(jobs, out, trials)
+        write_rows(rows, out / TABLE)
         stopped_by = signal_number()
     if stopped_by is not None:
         again = shlex.join(["swimmer-mj", "sweep", str(file), "--out", str(out)])
