@@ -65,6 +65,12 @@ class EntryPoint(Generic[P, R]):
         """Run it, after compiling it or reading it from disk if that was not done for arguments of such types."""
         return self.dispatcher(*args, **kwargs)
 
+    def address(self, *kinds: Any) -> int:
+        """Where it is as a C function, for arguments of numba's types ``kinds``; it stays there."""
+        self.dispatcher.compile(kinds)
+        result = self.dispatcher.overloads[kinds]
+        return result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
+
 
 def entry_point(**options: Any) -> Callable[[Callable[P, R]], EntryPoint[P, R]]:
     """As ``numba.njit(**options)``, for a function that Python calls: the result is kept on disk."""

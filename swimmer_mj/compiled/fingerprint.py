@@ -46,7 +46,7 @@ class Fingerprint(NamedTuple):
 
 
 def fingerprint(content: Any) -> Fingerprint:
-    """The fingerprint of functions, compiled or not, numbers, strings, arrays, and containers of them.
+    """The fingerprint of functions, compiled or not, numbers, strings, arrays, dtypes, and containers of them.
 
     Raises
     ------
@@ -113,6 +113,8 @@ class _Walk:
                 return repr(value)
             case np.generic():
                 return f"{value.dtype} {value!r}"
+            case np.dtype() if not value.hasobject:
+                return repr(value)
             case np.ndarray() if not value.dtype.hasobject:
                 return f"{value.dtype} {value.shape} {sha256(value.tobytes())}"
             case tuple() | list():
