@@ -59,19 +59,9 @@ PLANTED_ERRORS = [
 PLANTED_ERRORS += [
     PlantedError("MuJoCo + callback", *rest)
     for rest in (
-        (
-            "sign",
-            "viscous.py",
-            "Mz = moment * (wz - about * tz) + rx * Fy - ry * Fx",
-            "Mz = moment * (wz - about * tz) + rx * Fy + ry * Fx",
-        ),
-        ("factor 2", "viscous.py", "2 * site_size[site, 1]", "site_size[site, 1]"),
-        (
-            "index",
-            "viscous.py",
-            "wx, wy, wz = cvel[body, 0], cvel[body, 1], cvel[body, 2]",
-            "wx, wy, wz = cvel[body, 0], cvel[body, 1], cvel[root, 2]",
-        ),
+        ("sign", "viscous.py", "spin = -k * l**3 / 12", "spin = k * l**3 / 12"),
+        ("factor 2", "viscous.py", "2 * site.size[1]", "site.size[1]"),
+        ("index", "viscous.py", "tx, ty, tz = site.axes[2]", "tx, ty, tz = site.axes[1]"),
     )
 ]
 PLANTED_ERRORS += [
@@ -91,9 +81,9 @@ PLANTED_ERRORS += [
     PlantedError(
         "MuJoCo + callback",
         "name",
-        "viscous.py",
-        "if not declared:",
-        "if False:",
+        "passive/evaluation.py",
+        "return c == n",
+        "return True",
         only="another model beside a swimmer: change of its state",
     )
 ]

@@ -9,7 +9,8 @@ with drag.in_force():
     mujoco.mj_step(model, data)
 """
 
-from swimmer_mj.passive.laws import Law, LawError, law
+from swimmer_mj.passive.errors import LawError
+from swimmer_mj.passive.laws import Law, law
 from swimmer_mj.passive.site import Site, Vector
 
 __all__ = ["Law", "LawError", "Site", "Vector", "law"]

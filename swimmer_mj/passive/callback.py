@@ -11,10 +11,10 @@ their sum does not depend on which came first.
 from __future__ import annotations
 
 import ctypes
+import functools
 import os
 import threading
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any, Protocol
 
 import llvmlite.binding
@@ -33,6 +33,14 @@ _SYMBOL = "swimmer_mj_passive_table"
 
 _Table = np.ndarray[Any, np.dtype[np.int64]]
 _CFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+
+
+@functools.cache
+def _place() -> _Table:
+    """The number at the symbol, shape (1,): the table's address."""
+    place = np.zeros(1, dtype=np.int64)
+    llvmlite.binding.add_symbol(_SYMBOL, place.ctypes.data)
+    return place
 
 
 @entry_point()
@@ -69,7 +77,9 @@ class SharedCallback:
         self._laws: list[Holdable] = []  # that have ever been in force
         self._changes = 0  # of the laws in force, so far
         self._settling = False
-        self._tables: dict[tuple[int, ...], tuple[_Table, int]] = {}  # all there ever were, with their addresses
+        self._tables: dict[
+            tuple[int, ...], tuple[_Table, int]
+        ] = {}  # all there ever were, with their addresses
         self._installed: Callable[..., None] | None = None
         self._previous: Callable[..., None] | None = None
         self._before = 0  # the address of what was installed before, if it is compiled
@@ -78,14 +88,7 @@ class SharedCallback:
             before=self.lock.acquire, after_in_parent=self.lock.release, after_in_child=self.lock.release
         )
 
-    @cached_property
-    def _place(self) -> _Table:
-        """The number at the symbol, shape (1,): the table's address."""
-        place = np.zeros(1, dtype=np.int64)
-        llvmlite.binding.add_symbol(_SYMBOL, place.ctypes.data)
-        return place
-
-    @cached_property
+    @functools.cached_property
     def _compiled(self) -> Any:
         self._put([])  # which gives the symbol an address
         return _CFunction(_evaluate_table.address(types.voidptr, types.voidptr))
@@ -164,7 +167,7 @@ class SharedCallback:
         if row not in self._tables:
             new = table(*row)
             self._tables[row] = new, new.ctypes.data
-        self._place[0] = self._tables[row][1]
+        _place()[0] = self._tables[row][1]
 
     def _install(self, laws: list[Holdable]) -> None:
         current: Any = mujoco.get_mjcb_passive()

@@ -9,36 +9,25 @@ import ctypes
 import inspect
 import re
 import weakref
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from swimmer_mj.passive import compilation, evaluation
 from swimmer_mj.passive.callback import SharedCallback, table
-from swimmer_mj.passive.failures import (
-    LENGTH,
-    NO_PARAMETERS,
-    NOT_A_SITE,
-    NOT_FINITE,
-    RAISED,
-    WRONG_SHAPE,
-    Failure,
-    State,
-)
+from swimmer_mj.passive.errors import LawError, error_of
+from swimmer_mj.passive.failures import Failure, State
 from swimmer_mj.passive.site import Site
 
-__all__ = ["Law", "LawError", "law"]
+__all__ = ["Law", "law"]
 
 _SHAPES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
 
 _shared = SharedCallback()  # one, as MuJoCo's callback is
-
-
-class LawError(RuntimeError):
-    """A law that raised, returned what is no force, or does not compile; or a model that declares it wrongly."""
 
 
 class Law:
@@ -82,7 +71,7 @@ class Law:
             raise LawError(f"the law {self.name!r} {compilation.complaint(self.function)}") from error
 
     def _new_state(self) -> State:
-        shape = -1 if self.shape is None else int(getattr(mujoco.mjtGeom, f"mjGEOM_{self.shape.upper()}"))
+        shape = -1 if self.shape is None else _geom_type(self.shape)
         return State(self._address, self.name, len(self.parameters), shape)
 
     @property
@@ -153,6 +142,46 @@ class Law:
         if (error := self._error(self._told)) is not None:
             raise error from error.__cause__
 
+    def declare(self, spec: Any, site: str, **parameters: float) -> None:
+        """Declare in a model that is being built that the law acts on a site.
+
+        Parameters
+        ----------
+        spec : mujoco.MjSpec
+            A tuple of the law's name is added to, and a numeric if the law has several parameters.
+        site : str
+            Its name.
+        **parameters : float
+            All parameters of the law, finite.
+
+        Raises
+        ------
+        LawError
+            There is no such site, it is not of the law's shape, or the parameters are not the law's.
+        """
+        found = spec.site(site)
+        if found is None:
+            sites = [s.name for s in spec.sites]
+            raise LawError(
+                f"the law {self.name!r} needs a site named {site!r}: the model's sites are {sites}"
+            )
+        if self.shape is not None and found.type != _geom_type(self.shape):
+            raise LawError(f"the law {self.name!r} needs a site of type {self.shape}, which {site!r} is not")
+        if parameters.keys() != {*self.parameters} or not np.isfinite([*parameters.values()]).all():
+            raise LawError(
+                f"the law {self.name!r} takes finite numbers {', '.join(self.parameters) or '(none)'}, got {parameters}"
+            )
+        data = [float(parameters[name]) for name in self.parameters]
+        elements = [(mujoco.mjtObj.mjOBJ_SITE, site, data[0] if len(data) == 1 else 0.0)]
+        if len(data) > 1:
+            numeric = spec.add_numeric(name=f"{self.name}.{site}", size=len(data), data=data)
+            elements.append((mujoco.mjtObj.mjOBJ_NUMERIC, numeric.name, 0.0))
+        declared = spec.tuple(self.name) or spec.add_tuple(name=self.name)
+        for kind, name, prm in elements:
+            declared.objtype = [*declared.objtype, int(kind)]
+            declared.objname = [*declared.objname, name]
+            declared.objprm = [*declared.objprm, prm]
+
     def check(self, model: Any, data: Any = None) -> None:
         """Evaluate the law once on a model, whether or not it is in force.
 
@@ -180,7 +209,7 @@ class Law:
         evaluate = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3)(evaluation.address())
         evaluate(model._address, data._address, only.ctypes.data)
         if state.count > 0:
-            raise self._told_of(state.failure(0))
+            raise self._describe(state.failure(0))
 
     def _error(self, since: int) -> LawError | None:
         """What to raise if there are more failures than ``since``."""
@@ -189,48 +218,14 @@ class Law:
         with _shared.lock:
             failure = self.state.failure(since)
             self._told = self.state.watch()
-        return self._told_of(failure)
+        return self._describe(failure)
 
-    def _told_of(self, failure: Failure | None) -> LawError:
-        """The error that tells of a failure, in one line."""
-        if failure is None:
-            return LawError(f"the law {self.name!r} failed; a failure in another thread hid where")
-        site, parameters = failure.inputs
-        if failure.kind in (NOT_A_SITE, WRONG_SHAPE, NO_PARAMETERS):
-            must = {
-                NOT_A_SITE: "must be a site",
-                WRONG_SHAPE: f"must be a site of type {self.shape}",
-                NO_PARAMETERS: f"must be followed by a numeric of {len(self.parameters)} numbers "
-                f"({', '.join(self.parameters)})",
-            }[failure.kind]
-            return LawError(
-                f"the law {self.name!r} cannot act on the model {failure.model!r}: "
-                f"element {failure.element} of its tuple {failure.tuple!r} {must}"
-            )
-        cause = None
-        if failure.kind == RAISED:
-            cause, how = self._exception(site, parameters), "raised"
-            if cause is not None:
-                how = f"raised {type(cause).__name__}: {' '.join(str(cause).split())},"
-        else:
-            how = {
-                NOT_FINITE: "returned a force or a moment that is not finite",
-                LENGTH: "returned a force or a moment that has not three components",
-            }[failure.kind]
-        error = LawError(
-            f"the law {self.name!r} {how} at the site {failure.site!r} of the model {failure.model!r}, "
-            f"time {site.time:g} s"
-        )
-        error.__cause__ = cause
-        return error
+    def _describe(self, failure: Failure | None) -> LawError:
+        return error_of(failure, self.function, self.name, self.parameters, self.shape)
 
-    def _exception(self, site: Site, parameters: Sequence[float]) -> Exception | None:
-        """What the law raises when called so in Python, where the exception can be seen."""
-        try:
-            self.function(site, *parameters)
-        except Exception as exception:
-            return exception
-        return None
+
+def _geom_type(shape: str) -> int:
+    return int(getattr(mujoco.mjtGeom, f"mjGEOM_{shape.upper()}"))
 
 
 def _model_name(model: Any) -> str:

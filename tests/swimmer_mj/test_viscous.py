@@ -1,22 +1,16 @@
-import ctypes
 import gc
 import os
 import subprocess
 import sys
-import threading
 
 import mujoco
-import mujoco.batch
-import mujoco.rollout
-import numba
 import numpy as np
 import pytest
 
-from swimmer_mj import viscous
 from swimmer_mj.mjcf import mjcf
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 from swimmer_mj.validation import random_parameters
-from swimmer_mj.viscous import acquire, hold, release, viscous_friction
+from swimmer_mj.viscous import viscous_friction
 
 
 @pytest.fixture(autouse=True)
@@ -189,55 +183,6 @@ def test_acts_on_swimmers_attached_in_a_larger_model():
     np.testing.assert_allclose(data.qfrc_passive, expected, rtol=1e-10, atol=1e-10)
 
 
-def test_many_threads_step_as_one():
-    model = swimmer_model()
-
-    def final_state(seed):
-        data = moving_data(model, seed)
-        for _ in range(50):
-            mujoco.mj_step(model, data)
-        return np.concatenate([data.qpos, data.qvel])
-
-    with viscous_friction():
-        expected = [final_state(seed) for seed in range(16)]
-        found = [None] * 16
-
-        def work(seed):
-            with viscous_friction():
-                found[seed] = final_state(seed)
-
-        threads = [threading.Thread(target=work, args=(seed,)) for seed in range(16)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-    np.testing.assert_array_equal(found, expected)
-
-
-def test_works_in_mujocos_own_thread_pools():
-    model = swimmer_model()
-    datas = [moving_data(model, seed) for seed in range(4)]
-    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    initial = np.zeros((4, size))
-    for row, data in zip(initial, datas, strict=True):
-        mujoco.mj_getState(model, data, row, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    control = np.stack([np.tile(data.ctrl, (20, 1)) for data in datas])
-    with viscous_friction():
-        states, _ = mujoco.rollout.rollout(
-            model, [mujoco.MjData(model) for _ in range(2)], initial, control, persistent_pool=False
-        )
-        batch = mujoco.batch.Batch(model, nsim=4, nthread=2)
-        for field in ("qpos", "qvel", "ctrl"):
-            batch.bind(field)[:] = [getattr(data, field) for data in datas]
-        for _ in range(20):
-            batch.step()
-        for data in datas:
-            mujoco.mj_step(model, data, 20)
-    expected = np.array([data.qpos for data in datas])
-    np.testing.assert_array_equal(states[:, -1, 1 : 1 + model.nq], expected)
-    np.testing.assert_array_equal(batch.qpos, expected)
-
-
 def test_reads_no_array_beyond_its_end():
     code = """
 import mujoco
@@ -254,167 +199,3 @@ print(abs(data.qfrc_passive).max() > 1)
     environment = {**os.environ, "NUMBA_BOUNDSCHECK": "1"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("True\n", "")
-
-
-def test_scopes_nest_and_end_with_exceptions():
-    with viscous_friction():
-        installed = mujoco.get_mjcb_passive()
-        with pytest.raises(KeyError), viscous_friction():
-            raise KeyError
-        assert mujoco.get_mjcb_passive() is installed
-    assert mujoco.get_mjcb_passive() is None
-
-
-def test_scopes_of_many_threads_leave_no_trace():
-    def work():
-        for _ in range(300):
-            with viscous_friction():
-                assert mujoco.get_mjcb_passive() is not None
-
-    threads = [threading.Thread(target=work) for _ in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert mujoco.get_mjcb_passive() is None
-
-
-def test_release_without_acquire_is_refused():
-    with pytest.raises(RuntimeError, match="released more often than acquired"):
-        release()
-
-
-def test_is_held_as_long_as_its_owner_lives_or_until_let_go():
-    class Owner:
-        pass
-
-    first, second = Owner(), Owner()
-    hold(first)
-    let_go = hold(second)
-    let_go()
-    let_go()
-    assert mujoco.get_mjcb_passive() is not None
-    del first
-    gc.collect()
-    assert mujoco.get_mjcb_passive() is None
-    assert second is not None
-
-
-@pytest.fixture
-def collected_while_acquiring(monkeypatch):
-    """A function that makes a holder, which a garbage collection inside the next acquire() finds."""
-
-    class Owner:
-        pass
-
-    class Collecting:
-        def __getattr__(self, name):
-            return getattr(mujoco, name)
-
-        def get_mjcb_passive(self):
-            found = mujoco.get_mjcb_passive()
-            gc.collect()
-            return found
-
-    def hold_in_a_cycle():
-        owner = Owner()
-        owner.itself = owner
-        hold(owner)
-        monkeypatch.setattr(viscous, "mujoco", Collecting())
-
-    gc.disable()
-    yield hold_in_a_cycle
-    gc.enable()
-
-
-def test_the_last_holder_may_be_collected_while_another_acquires(collected_while_acquiring):
-    collected_while_acquiring()
-    model = swimmer_model()
-    data = moving_data(model)
-    _, before = viscous._compiled()
-    with viscous_friction():
-        assert before[0] == 0  # else the friction calls itself without end
-        mujoco.mj_forward(model, data)
-        assert np.abs(data.qfrc_passive).max() > 1
-    assert mujoco.get_mjcb_passive() is None
-
-
-def test_the_last_holder_may_be_collected_while_another_is_refused(collected_while_acquiring):
-    def other(model, data):
-        pass
-
-    collected_while_acquiring()
-    mujoco.set_mjcb_passive(other)
-    with pytest.raises(RuntimeError, match="was replaced while the viscous friction was in force"):
-        acquire()
-    with viscous_friction():  # none holds it any more: the other is there first
-        assert mujoco.get_mjcb_passive() is not other
-    assert mujoco.get_mjcb_passive() is other
-    mujoco.set_mjcb_passive(None)
-
-
-def test_a_users_python_callback_keeps_running():
-    model = swimmer_model()
-    data = moving_data(model)
-    with viscous_friction():
-        mujoco.mj_forward(model, data)
-    friction = data.qfrc_passive.copy()
-
-    def push(_, data):
-        data.qfrc_passive[0] += 100
-
-    mujoco.set_mjcb_passive(push)
-    with viscous_friction():
-        mujoco.mj_forward(model, data)
-    assert mujoco.get_mjcb_passive() is push
-    mujoco.set_mjcb_passive(None)
-    friction[0] += 100
-    np.testing.assert_allclose(data.qfrc_passive, friction, rtol=1e-14)
-
-
-def test_a_users_compiled_callback_keeps_running():
-    calls = np.zeros(1)
-    address = calls.ctypes.data
-
-    @numba.cfunc(numba.types.void(numba.types.voidptr, numba.types.voidptr))
-    def count(model, data):
-        numba.carray(viscous._pointer(address), 1, np.float64)[0] += 1
-
-    user = count.ctypes
-    model = swimmer_model()
-    data = moving_data(model)
-    mujoco.set_mjcb_passive(user)
-    with viscous_friction():
-        mujoco.mj_forward(model, data)
-    assert mujoco.get_mjcb_passive() is user
-    mujoco.set_mjcb_passive(None)
-    assert calls[0] == 1
-    assert np.abs(data.qfrc_passive).max() > 1
-
-
-def test_refuses_to_go_on_when_it_was_replaced_and_leaves_the_other_in_place():
-    def other(model, data):
-        pass
-
-    acquire()
-    mujoco.set_mjcb_passive(other)
-    with pytest.raises(RuntimeError, match="was replaced while the viscous friction was in force"):
-        acquire()
-    release()
-    assert mujoco.get_mjcb_passive() is other
-    mujoco.set_mjcb_passive(None)
-
-
-def test_misplaced_struct_fields_are_found_before_anything_runs(monkeypatch):
-    """One field more in front of the struct, as a version with another layout would have it."""
-    layout = viscous._c_struct
-
-    def shifted(declaration):
-        struct = layout(declaration)
-        if getattr(declaration, "name", "") != "mjData":
-            return struct
-        return type("Struct", (ctypes.Structure,), {"_fields_": [("new", ctypes.c_void_p), *struct._fields_]})
-
-    monkeypatch.setattr(viscous, "_c_struct", shifted)
-    with pytest.raises(RuntimeError, match=r"cannot be used with MuJoCo .*MjData.site_xpos is not where"):
-        viscous._records()

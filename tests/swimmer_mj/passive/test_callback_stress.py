@@ -2,7 +2,6 @@
 
 import copy
 import ctypes
-import gc
 import os
 import pickle
 import runpy
@@ -17,24 +16,13 @@ import numba
 import numpy as np
 import pytest
 
-from swimmer_mj import viscous
+from swimmer_mj.compiled.pointers import pointer
 from swimmer_mj.environments.suite import load
 from swimmer_mj.mjcf import mjcf
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 from swimmer_mj.viscous import viscous_friction
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-
-
-@pytest.fixture(autouse=True)
-def no_trace():
-    gc.collect()
-    assert mujoco.get_mjcb_passive() is None
-    yield
-    gc.collect()
-    left = mujoco.get_mjcb_passive()
-    mujoco.set_mjcb_passive(None)
-    assert left is None
+BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 
 
 def moving(model):
@@ -90,7 +78,7 @@ def counting():
 
     @numba.cfunc(numba.types.void(numba.types.voidptr, numba.types.voidptr))
     def count(model, data):
-        numba.carray(viscous._pointer(address), 1, np.float64)[0] += 1
+        numba.carray(pointer(address), 1, np.float64)[0] += 1
 
     return count, calls
 
@@ -236,26 +224,3 @@ def test_an_environment_pickled_into_another_process_swims_on_there():
     child = subprocess.run([sys.executable, "-c", _CHILD], input=pickled, capture_output=True, check=False)
     assert child.returncode == 0, child.stderr.decode()
     np.testing.assert_array_equal(np.frombuffer(child.stdout), expected)
-
-
-def test_a_wrong_mujoco_is_refused_before_anything_is_stepped(monkeypatch):
-    """A struct with one field more, as another version of MuJoCo may have it."""
-    layout = viscous._c_struct
-
-    def shifted(declaration):
-        struct = layout(declaration)
-        if getattr(declaration, "name", "") != "mjModel":
-            return struct
-        return type("Struct", (ctypes.Structure,), {"_fields_": [("new", ctypes.c_void_p), *struct._fields_]})
-
-    monkeypatch.setattr(viscous, "_c_struct", shifted)
-    monkeypatch.setattr(viscous, "_compiled", viscous._compiled.__wrapped__)
-    message = rf"cannot be used with MuJoCo {mujoco.__version__}: MjModel.nbody is not where"
-    with pytest.raises(RuntimeError, match=message):
-        load("swim5")
-    with pytest.raises(RuntimeError, match=message), viscous_friction():
-        pytest.fail("the scope was entered")
-    assert mujoco.get_mjcb_passive() is None
-    env = load("swim5", {"friction": "actuators", "random": 0})  # needs no struct
-    env.reset()
-    env.step(np.ones(4))

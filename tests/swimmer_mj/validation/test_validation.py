@@ -59,8 +59,8 @@ def test_the_quick_report_passes_and_tells_its_checks_apart():
 
 
 def test_without_the_callback_what_it_states_fails_and_nothing_else(monkeypatch):
-    monkeypatch.setattr(viscous._shared, "acquire", lambda: None)
-    monkeypatch.setattr(viscous._shared, "release", lambda: None)
+    monkeypatch.setattr(viscous.friction, "acquire", lambda: None)
+    monkeypatch.setattr(viscous.friction, "release", lambda: None)
     section = accelerations(np.random.default_rng(0), (1, 3), 1, 3)
     failed = {check.name for check in section.checks if not check.passed}
     assert failed == {
