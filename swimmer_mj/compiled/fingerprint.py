@@ -141,7 +141,7 @@ class _Walk:
         return f"{module} {getattr(value, '__qualname__', value.__name__)}"
 
     def _function(self, function: types.FunctionType) -> str:
-        if function.__module__.split(".")[0] in LIBRARIES:
+        if (function.__module__ or "").split(".")[0] in LIBRARIES:
             return f"{function.__module__} {function.__qualname__}"
         if id(function) in self._seen:
             return f"function {self._seen[id(function)]}"

@@ -44,10 +44,6 @@ class Law:
                 f"a law takes the site and its parameters, without defaults or stars, got {function.__name__}"
                 f"{inspect.signature(function)}"
             )
-        if not re.fullmatch(r"[^\0\s]+\.[^\0\s]+", name):
-            raise ValueError(f"a law's name must have a dot inside and no space, as 'lab.drag', got {name!r}")
-        if shape is not None and shape not in _SHAPES:
-            raise ValueError(f"a law's shape must be one of {', '.join(_SHAPES)} or None, got {shape!r}")
         self.name = name
         self.function = function
         self.parameters = tuple(p.name for p in taken[1:])
@@ -241,5 +237,15 @@ def law(name: str, shape: str | None = None) -> Callable[[Callable[..., Any]], L
         A model declares the law by a tuple whose name ends with this one.
     shape : str, optional
         The type that the law's sites must have, as MJCF names it.
+
+    Returns
+    -------
+    callable
+        Makes a :class:`Law` of a function of a :class:`~swimmer_mj.passive.Site` and any number of parameters that
+        returns a force (N) at the site's centre and a moment (N·m).
     """
+    if not re.fullmatch(r"[^\0\s]+\.[^\0\s]+", name):
+        raise ValueError(f"a law's name must have a dot inside and no space, as 'lab.drag', got {name!r}")
+    if shape is not None and shape not in _SHAPES:
+        raise ValueError(f"a law's shape must be one of {', '.join(_SHAPES)} or None, got {shape!r}")
     return lambda function: Law(function, name, shape)
