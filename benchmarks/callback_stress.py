@@ -1,27 +1,30 @@
-"""Does the friction's callback keep its hands to itself when many threads step many models at once?
+"""Do compiled passive forces keep their hands to themselves when many threads step many models at once?
 
     python benchmarks/callback_stress.py [--repeats 50]
 
-Eight threads step swimmers of different n, parameters, integrators and statements of the friction, each in scopes of
-its own that open and close all the time, while four threads step models that are no swimmers. Every state of every
-trajectory is compared, bit for bit, with that of the same trajectory alone in one thread. Exit status 1 if any differs.
+Eight threads step swimmers of different n, parameters, integrators and statements of the friction, four step models
+with one or two laws besides, each in scopes of its own that open and close all the time, while four threads step
+models that declare none. Every state of every trajectory is compared, bit for bit, with that of the same trajectory
+alone in one thread. Exit status 1 if any differs.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import threading
 import time
-from contextlib import nullcontext
+from contextlib import ExitStack
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from swimmer_mj.mjcf import mjcf
+from swimmer_mj.passive import Law, law
 from swimmer_mj.validation import random_parameters
-from swimmer_mj.viscous import viscous_friction
+from swimmer_mj.viscous import friction
 
 SCOPES, STEPS = 20, 25  # scopes a trajectory, steps a scope
 
@@ -50,18 +53,60 @@ CONTACT = """
 """
 
 
-def models() -> list[tuple[mujoco.MjModel, bool]]:
-    """Eight swimmers and four other models, each with whether it needs the callback."""
+BUOYS = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <body pos="0 0 1"><freejoint/><geom size=".1"/><site name="a" pos=".1 0 0"/></body>
+    <body pos="1 0 1"><freejoint/><geom size=".1"/><site name="b" pos="0 .1 0"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@law("stress.drag")
+def drag(site, c):
+    """Quadratic drag."""
+    x, y, z = site.velocity
+    k = -c * math.sqrt(x * x + y * y + z * z)
+    return (k * x, k * y, k * z), (0.0, 0.0, 0.0)
+
+
+@law("stress.spring")
+def spring(site, stiffness, reach, rate):
+    """A spring whose far end swings."""
+    x, y, z = site.position
+    far = reach * math.cos(rate * site.time)
+    return (stiffness * (far - x), -stiffness * y, stiffness * (1 - z)), (0.0, 0.0, 0.0)
+
+
+def buoys(dragged: float, sprung: float) -> tuple[mujoco.MjModel, list[Law]]:
+    """Two bodies with drag, a spring or both (0 for none)."""
+    spec, laws = mujoco.MjSpec.from_string(BUOYS), []
+    if dragged:
+        drag.declare(spec, "a", c=dragged)
+        drag.declare(spec, "b", c=2 * dragged)
+        laws.append(drag)
+    if sprung:
+        spring.declare(spec, "a", stiffness=sprung, reach=0.3, rate=5)
+        laws.append(spring)
+    return spec.compile(), laws
+
+
+def models() -> list[tuple[mujoco.MjModel, list[Law]]]:
+    """Eight swimmers, four models with other laws and four with none, each with the laws that it needs."""
     rng = np.random.default_rng(0)
     found = []
     for n in range(1, 9):
-        friction = "actuators" if n == 4 else "callback"
-        xml = mjcf(random_parameters(rng, n), friction=friction, integrator="Euler" if n % 2 else "RK4")
-        found.append((mujoco.MjModel.from_xml_string(xml), friction == "callback"))
-    return found + [(mujoco.MjModel.from_xml_string(xml), False) for xml in (FLUID, CONTACT) * 2]
+        statement = "actuators" if n == 4 else "callback"
+        xml = mjcf(random_parameters(rng, n), friction=statement, integrator="Euler" if n % 2 else "RK4")
+        found.append((mujoco.MjModel.from_xml_string(xml), [] if n == 4 else [friction]))
+    found += [buoys(2.0, 0.0), buoys(0.0, 50.0), buoys(1.0, 30.0), buoys(3.0, 20.0)]
+    found[-1][1].reverse()  # of the last two, each has its laws put in force in another order
+    return found + [(mujoco.MjModel.from_xml_string(xml), []) for xml in (FLUID, CONTACT) * 2]
 
 
-def trajectory(model: mujoco.MjModel, viscous: bool) -> NDArray[np.float64]:
+def trajectory(model: mujoco.MjModel, laws: list[Law]) -> NDArray[np.float64]:
     """States of one model, its own scopes opening and closing."""
     data = mujoco.MjData(model)
     rng = np.random.default_rng(model.nv)
@@ -69,7 +114,9 @@ def trajectory(model: mujoco.MjModel, viscous: bool) -> NDArray[np.float64]:
     states = []
     for _ in range(SCOPES):
         data.ctrl[:] = rng.uniform(-1, 1, model.nu)
-        with viscous_friction() if viscous else nullcontext():
+        with ExitStack() as scopes:
+            for one in laws:
+                scopes.enter_context(one.in_force())
             mujoco.mj_step(model, data, STEPS)
         states.append(np.concatenate([data.qpos, data.qvel, data.qfrc_passive]))
     return np.array(states)
@@ -109,7 +156,8 @@ def main() -> int:
     started = time.perf_counter()
     different = differences(repeats)
     print(
-        f"8 swimmers and 4 other models in 12 threads, {SCOPES * STEPS} steps each, {repeats} times: "
+        "8 swimmers, 4 models with other laws and 4 with none in 16 threads, "
+        f"{SCOPES * STEPS} steps each, {repeats} times: "
         f"{different} differences ({time.perf_counter() - started:.0f} s)"
     )
     return 0 if different == 0 else 1

@@ -37,7 +37,7 @@ def final_state(model, n_steps=100):
     return np.concatenate([data.qpos, data.qvel])
 
 
-def test_twelve_threads_of_swimmers_and_others_move_bit_for_bit_as_alone():
+def test_sixteen_threads_of_swimmers_and_others_move_bit_for_bit_as_alone():
     stress = runpy.run_path(str(BENCHMARKS / "callback_stress.py"))
     assert stress["differences"](repeats=2) == 0
 
