@@ -14,10 +14,13 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import measured
+import tables
 import tyro
 
 from swimmer_mj.files import replacing
 from swimmer_mj.learning.experiments import LOGS, summaries
+from swimmer_mj.learning.experiments.claims import claims
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -29,8 +32,31 @@ def experiment(name: str) -> str:
     return summaries.TABLES[name](LOGS).markdown()
 
 
+def result(make: Callable[[], summaries.Summary]) -> str:
+    """Of a benchmark."""
+    return make().markdown()
+
+
+RESULTS: dict[str, Callable[[], summaries.Summary]] = {
+    "learners": tables.learners,
+    "value-gradient-seeds": tables.value_gradient_seeds,
+    "changed-swimmers": tables.changed_swimmers,
+    "measured": measured.measured,
+    "policies": tables.policies,
+    "interval-coverage": tables.coverage,
+    "engines": tables.engines,
+    "neurons": partial(tables.against, "neurons"),
+    "links": partial(tables.against, "links"),
+    "parts-fused": partial(tables.parts, "fused"),
+    "parts-population": partial(tables.parts, "population"),
+    "memory": tables.memory,
+    "long-runs": partial(tables.long_runs, LOGS),
+}
+
 TABLES: dict[str, Callable[[], str]] = {
     **{name: partial(experiment, name) for name in summaries.TABLES},
+    "claims": lambda: claims().markdown(),
+    **{name: partial(result, make) for name, make in RESULTS.items()},
 }
 """Each in Markdown, by the name in its mark."""
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.files import replacing
 
-__all__ = ["LOGS", "Table", "read_table", "rows_where", "settings_of", "write_table"]
+__all__ = ["LOGS", "Table", "last_look", "read_table", "rows_where", "settings_of", "span", "write_table"]
 
 LOGS = Path(__file__).parent / "logs"
 """The committed logs."""
@@ -72,3 +72,13 @@ def rows_where(table: Table, **equal: str | float) -> Table:
 def settings_of(table: Table) -> list[tuple[str, str]]:
     """The pairs of ``factor`` and ``setting`` of a study, in their order."""
     return list(dict.fromkeys(zip(table["factor"].tolist(), table["setting"].tolist(), strict=True)))
+
+
+def last_look(table: Table, column: str = "trial") -> Table:
+    """The rows in which ``column`` has its largest value."""
+    return rows_where(table, **{column: float(table[column].max())})
+
+
+def span(values: NDArray[np.float64], spec: str = ".2f") -> str:
+    """Smallest to largest."""
+    return f"{values.min():{spec}} to {values.max():{spec}}"

@@ -1,0 +1,246 @@
+"""The results of the benchmarks in numbers, as ``docs_tables.py`` writes them into the pages."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import compare_learners
+import numpy as np
+import robustness
+from compare_learners import Curve, reached
+
+from swimmer_mj.intervals import mean_and_interval_text
+from swimmer_mj.learning.experiments.summaries import Summary
+from swimmer_mj.learning.experiments.tables import read_table
+
+RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
+SPEED = RESULTS / "learning-speed.json"
+PAPER_RATE = 2.5e6 * 500 / (7 * 86400)  # steps/s: 2.5 million trials in a week
+
+
+# Learners beside each other ---------------------------------------------------------------------------------------
+
+
+def within(curve: Curve, seconds: float) -> Curve:
+    """What was seen of a learner in its first seconds; a look may come a little late."""
+    seen = curve.cpu_seconds <= 1.02 * seconds
+    return Curve(*(column[seen] for column in curve))
+
+
+def budget(curves: Sequence[Curve]) -> float:
+    """Processor time that all of them had, s."""
+    return min(curve.cpu_seconds[-1] for curve in curves)
+
+
+def time_words(curves: Sequence[Curve], speed: float) -> str:
+    """Median over seeds; mean where all got there, else how many did."""
+    what = reached(curves, speed, "cpu_seconds")
+    there = int(np.isfinite(what.spent).sum())
+    if not there:
+        return "none"
+    digits = ".1f" if what.median < 10 else ".0f"
+    median = f"{'' if what.known else '> '}{what.median:{digits}}"
+    if there < len(curves):
+        return f"{median}; {there} seed{'s' * (there > 1)}"
+    return f"{median}; {mean_and_interval_text(what.spent, digits)}"
+
+
+def learners() -> Summary:
+    """Processor time to each speed, and the best, in the time that all seeds of a learner had."""
+    rows = []
+    for name, curves in compare_learners.read(compare_learners.RESULTS).items():
+        equal = [within(curve, budget(curves)) for curve in curves]
+        best = mean_and_interval_text(np.array([curve.speed.max() for curve in equal]))
+        times = (time_words(equal, speed) for speed in compare_learners.SPEEDS)
+        label = {"value-gradient": "value gradients", "td": "TD(λ), η = 0.16"}.get(name, name.upper())
+        rows.append((label, str(len(curves)), f"{budget(curves):.0f}", *times, best))
+    speeds = (f"{speed} m/s" for speed in compare_learners.SPEEDS)
+    return Summary("", ("learner", "seeds", "seconds for each", *speeds, "best, m/s"), rows)
+
+
+def deepest_fall(curve: Curve) -> str:
+    """Where a learner was furthest below its best until then."""
+    best = np.maximum.accumulate(curve.speed)
+    at = int(np.argmax(best - curve.speed))
+    return f"{best[at]:.2f} to {curve.speed[at]:.2f}, at {curve.cpu_seconds[at]:.1f} s"
+
+
+def value_gradient_seeds() -> Summary:
+    """Value gradients, seed by seed: seconds and millions of steps until a speed is first seen."""
+    speeds = (1.0, 1.5, 1.8, 2.0)
+    rows = []
+    for seed, curve in enumerate(compare_learners.read(compare_learners.RESULTS)["value-gradient"]):
+        cells = []
+        for speed in speeds:
+            fast = curve.speed >= speed
+            at = int(np.argmax(fast))
+            sign = "≤ " if at == 0 else ""
+            steps = curve.simulation_steps[at] / 1e6
+            cells.append(f"{sign}{curve.cpu_seconds[at]:.1f} s, {steps:.2f}" if fast.any() else "none")
+        ends = f"{curve.speed.max():.2f}", f"{curve.speed[-1]:.2f}"
+        rows.append((str(seed), *cells, *ends, deepest_fall(curve)))
+    header = (
+        *(f"{speed} m/s" for speed in speeds),
+        "best, m/s",
+        "last, m/s",
+        "deepest fall from the best so far, m/s",
+    )
+    return Summary("", ("seed", *header), rows)
+
+
+def changed_swimmers() -> Summary:
+    """Policies in simulations that they were not learned in."""
+    looks = robustness.read(robustness.OUT)
+    own = {seed: speed for seed, change, speed in looks if change == "none"}
+    rows = []
+    for change in dict.fromkeys(change for _, change, _ in looks):
+        of_seed = {seed: speed for seed, what, speed in looks if what == change}
+        shares = np.array([speed / own[seed] for seed, speed in of_seed.items()])
+        speed = mean_and_interval_text(np.array([*of_seed.values()]))
+        label = (
+            "nothing"
+            if change == "none"
+            else change.replace(" up", " 10 % up").replace(" down", " 10 % down")
+        )
+        rows.append((label, speed, f"{shares.mean():.3f}", f"{shares.min():.3f}"))
+    return Summary("", ("changed", "m/s", "share of its own speed", "of the worst seed"), rows)
+
+
+# Policies ---------------------------------------------------------------------------------------------------------
+
+
+def policies() -> Summary:
+    """The shipped policies by all measures."""
+    table = read_table(RESULTS / "policies.csv")
+    rows = [
+        (f"`{name}`", *(f"{table[measure][i]:.2f}" for measure in ("speed", "steady_speed", "first_5s_speed")),
+         f"{table['discounted_return'][i]:.2f}", f"{table['s_gamma'][i]:g}", f"{table['seed'][i]:.0f}",
+         f"{table['trials'][i]:,.0f}")
+        for i, name in enumerate(table["policy"].tolist())
+    ]  # fmt: skip
+    header = (
+        "policy",
+        "swimming speed, m/s",
+        "steady speed, m/s",
+        "first 5 s, m/s",
+        "discounted return, m",
+        "s_gamma, 1/s",
+        "seed",
+        "trials",
+    )
+    return Summary("", header, rows)
+
+
+def coverage() -> Summary:
+    """Of the mean, by three kinds of intervals."""
+    table = read_table(RESULTS / "interval-coverage.csv")
+    kinds = "t", "percentile", "bca"
+    rows = [
+        (str(law), f"{table['n'][i]:.0f}", *(f"{table[kind][i]:.3f}" for kind in kinds))
+        for i, law in enumerate(table["law"].tolist())
+    ]
+    return Summary(
+        "", ("law of the values", "n", "Student's t", "bootstrap, percentile", "bootstrap, BCa"), rows
+    )
+
+
+# Steps per second -------------------------------------------------------------------------------------------------
+
+ENGINES = {
+    "mj_step": "bare `mj_step` (Euler, no friction)",
+    "mj_step_viscous": "`mj_step` with the compiled friction",
+    "reference": "torch reference",
+    "fused": "fused, one learner, one core",
+    "fused_all_cores": "fused, a learner on each of 2 cores",
+    "population": "population, 16 learners, one core",
+    "population_all_cores": "population, 16 learners on each of 2 cores",
+}
+
+
+def thousands(rate: float) -> str:
+    """Rounded to a thousand where there are many."""
+    return f"{round(rate, -3):,.0f}" if rate >= 1e4 else f"{rate:,.0f}"
+
+
+def speeds() -> dict[str, Any]:
+    """What ``learning_speed.py`` measured."""
+    return json.loads(SPEED.read_text(encoding="utf-8"))
+
+
+def engines() -> Summary:
+    """Steps per second, 5 links, 60 neurons."""
+    rates = speeds()["engines"]
+    bare = rates["mj_step"]
+    rows = [(label, thousands(rates[name]), f"{rates[name] / bare:.2g}") for name, label in ENGINES.items()]
+    rows.append(("the paper: 2.5 million trials of 500 in one week", f"{PAPER_RATE:,.0f}", "-"))
+    return Summary("", ("what", "steps/s", "per bare `mj_step`"), rows)
+
+
+def against(what: str) -> Summary:
+    """Steps per second with more neurons or links."""
+    data = speeds()
+    rows = []
+    for count, rates in data[what].items():
+        bare = rates.get("mj_step", data["engines"]["mj_step"])
+        cells = (f"{thousands(rates[name])} ({rates[name] / bare:.2g})" for name in ("fused", "population"))
+        rows.append((count, thousands(bare), *cells))
+    return Summary("", (what, "`mj_step`", "fused", "population"), rows)
+
+
+PARTS: dict[str, Mapping[str, str]] = {
+    "fused": {
+        "dynamics": "dynamics: drift and control matrix",
+        "forward": "forward, with its part of the update",
+        "backward": "backward, with its part of the update",
+        "rest": "control, H, state, statistics, trial's ends",
+        "step": "**step**",
+        "chain of tanh": "for comparison: the chain of tanh alone",
+        "forward alone": "for comparison: forward without the update",
+        "backward alone": "for comparison: backward without the update",
+        "update alone": "for comparison: the update as a pass of its own",
+    },
+    "population": {
+        "dynamics": "dynamics and control",
+        "forward": "forward, with the update",
+        "backward": "backward",
+        "rest": "inputs, slopes, H, state, statistics, packing, unpacking",
+        "step": "**step**",
+        "forward alone": "for comparison: forward without the update",
+    },
+}
+
+
+def parts(engine: str) -> Summary:
+    """Where the time of a step goes."""
+    times = speeds()["parts"][engine]
+    if times.keys() != PARTS[engine].keys():
+        raise ValueError(f"the parts of {engine} are {', '.join(times)}")
+    rows = [(label, f"{times[name]:.2f}") for name, label in PARTS[engine].items()]
+    return Summary("", ("part of a step of one learner", "µs"), rows)
+
+
+def memory() -> Summary:
+    """Weights and traces."""
+    rows = [
+        (count, *(f"{row[name]:,.0f}" for name in ("connections", "fused", "population")))
+        for count, row in speeds()["memory_KiB"].items()
+    ]
+    return Summary("", ("neurons", "connections", "fused", "population, 16 learners"), rows)
+
+
+def long_runs(logs: Path) -> Summary:
+    """How long the long runs took."""
+    rows = []
+    for name, size in (("swim3", "3, 30"), ("swim4", "4, 60"), ("swim5", "5, 60")):
+        table = read_table(logs / f"{name}.csv")
+        for preset, eta in (("paper", "0.01"), ("tuned", "0.16")):
+            of_preset = table["preset"] == preset
+            seeds = len(np.unique(table["seed"][of_preset]))
+            trials, hours = table["trial"][of_preset].max(), table["seconds"][of_preset].max() / 3600
+            rows.append((f"`{name}.csv`", size, eta, str(seeds), f"{trials:,.0f}", f"{hours:.1f}"))
+    return Summary(
+        "", ("log", "links, neurons", "η", "learners", "trials of each", "hours of the pack"), rows
+    )
