@@ -93,8 +93,8 @@ def demo(
     for path in pictures.values():
         print_line(console, f"  {path}")
     html = best.directory / "swim.html"
-    measured = {"swimming_speed": result["speed_mean"], "ci95": result["speed_ci95"]}
-    write_policy_page(html, best.directory, *load_policy(best.directory)[:2], measured)
+    speed = result["speed_mean"], result["speed_ci95"]
+    write_policy_page(html, best.directory, *load_policy(best.directory)[:2], speed)
     console.print(
         f"\nIt swims at [bold]{result['speed_mean']:.2f} m/s[/bold] after {training:.0f} s of learning with value "
         f"gradients (docs/beyond.md); the best open-loop wave makes 0.54 m/s. The paper's method, which took a week in "

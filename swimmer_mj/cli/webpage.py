@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tyro.conf import Positional
 
-from swimmer_mj.cli.output import make_console, print_json, print_line
+from swimmer_mj.cli.output import make_console, print_json, print_line, status
 from swimmer_mj.cli.runs import Which, first_policy_directory
 
 if TYPE_CHECKING:
@@ -39,31 +38,44 @@ def page(
 
     console = make_console(json)
     directory = first_policy_directory(policy, console)
-    greedy, config, info = load_policy(directory, which)
-    size, names = write_policy_page(out, directory, greedy, config, info)
+    greedy, config, _ = load_policy(directory, which)
+    with status(console, f"evaluating {directory}"):
+        size, names = write_policy_page(out, directory, greedy, config)
     print_line(console, f"  {out}")
     if json:
         print_json({"run": str(directory), "page": str(out), "bytes": size, "policies": names})
 
 
 def write_policy_page(
-    out: Path, directory: Path, policy: Policy, config: RunConfig, known: Mapping[str, Any]
+    out: Path,
+    directory: Path,
+    policy: Policy,
+    config: RunConfig,
+    speed: tuple[float, tuple[float, float] | None] | None = None,
 ) -> tuple[int, list[str]]:
     """The page of a policy and of the pretrained ones: its size in bytes, and the names of all.
 
-    ``known``: what is known of the policy, its speed by the equations (``speed``) and, where that was measured, by
-    MuJoCo (``swimming_speed`` and ``ci95``).
+    ``speed``: swimming speed of the policy and its interval, as ``evaluate`` gives them; by default they are measured.
     """
+    import os
+
+    from swimmer_mj.intervals import known_interval, mean_and_interval
     from swimmer_mj.learning.pretrained import PRETRAINED, pretrained_directory, pretrained_names
+    from swimmer_mj.learning.problems.forms import EnvironmentForm
     from swimmer_mj.learning.runs.run import load_policy
     from swimmer_mj.render.page.assemble import write_page
-    from swimmer_mj.render.page.policies import describe
+    from swimmer_mj.render.page.policies import describe, require_playable
 
     described = []
     if directory.parent != PRETRAINED:
-        speed = known["swimming_speed"] if "swimming_speed" in known else known["speed"]
+        require_playable(policy, str(directory))  # before the evaluation, which takes seconds
+        if speed is None:
+            environment = policy.problem.form(EnvironmentForm)
+            assert environment is not None  # a swimmer has one
+            mean, interval = mean_and_interval(environment.evaluate(policy, 64, os.cpu_count() or 1))
+            speed = mean, known_interval(interval)
         label = f"{_label(config)}, this run"
-        described.append(describe(policy, str(directory), label, speed, known.get("ci95")))
+        described.append(describe(policy, str(directory), label, *speed))
     for name in pretrained_names():
         shipped, shipped_config, card = load_policy(pretrained_directory(name))
         label = f"the paper's {_label(shipped_config)}" if name.endswith("-paper") else _label(shipped_config)

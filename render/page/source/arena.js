@@ -8,6 +8,7 @@ export const PLOTTED = 10; // s
 const TRAIL_EVERY = 5; // steps between points of a trail
 const TRAIL = 400; // points: 20 s
 export const ARRIVED = 1; // m from a point to swim to
+export const COLORS = 4;
 const KICK = { force: 40, steps: 20 }; // N, sideways on the middle link
 
 /** A swimmer in the water, with its past. */
@@ -84,6 +85,11 @@ export class Arena {
     return this.policies.filter((policy) => policy.links === links);
   }
 
+  /** Number of a policy's colour: what was learned in one way looks alike. */
+  colorOf(policy) {
+    return [...new Set(this.policies.map(({ label }) => label))].indexOf(policy.label) % COLORS;
+  }
+
   /** Put swimmers of these policies, with as many links each, into the water. */
   choose(names) {
     const chosen = names.map((name) => this.policies.find((policy) => policy.name === name));
@@ -93,8 +99,7 @@ export class Arena {
     this.release();
     for (const racer of this.racers) racer.swimmer.delete();
     this.racers = chosen.map((policy) => {
-      const color = this.policiesOf(policy.links).indexOf(policy);
-      return new Racer(this.mujoco, policy, color);
+      return new Racer(this.mujoco, policy, this.colorOf(policy));
     });
     this.setScale(this.scale);
     this.reset();

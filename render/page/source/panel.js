@@ -116,11 +116,12 @@ export class Panel {
     for (const input of element("links").querySelectorAll("input")) input.checked = Number(input.value) === arena.links;
     element("links-word").textContent = WORDS[arena.links] ?? String(arena.links);
     const offered = arena.policiesOf(arena.links);
-    element("policies").replaceChildren(...offered.map((policy, i) => {
+    element("race").hidden = offered.length < 2;
+    element("policies").replaceChildren(...offered.map((policy) => {
       const row = document.createElement("tr");
       const box = Object.assign(document.createElement("input"), { type: "checkbox", value: policy.name });
       box.checked = arena.racers.some((racer) => racer.policy === policy);
-      box.style.accentColor = `var(--racer-${i % 4})`;
+      box.style.accentColor = `var(--racer-${arena.colorOf(policy)})`;
       box.addEventListener("change", () => this.readPolicies(box));
       const label = document.createElement("label");
       label.append(box, policy.label);
@@ -129,7 +130,7 @@ export class Panel {
         cell.append(content);
         return cell;
       });
-      cells[1].style.color = `var(--racer-${i % 4})`;
+      cells[1].style.color = `var(--racer-${arena.colorOf(policy)})`;
       if (policy.ci95) cells[2].title = `95 % interval over starts: ${policy.ci95.map((bound) => bound.toFixed(3)).join(" to ")}`;
       row.dataset.name = policy.name;
       row.append(...cells);
@@ -156,7 +157,7 @@ export class Panel {
     const show = (key) => {
       element(`now-${key}`).replaceChildren(...arena.racers.map((racer) => {
         const now = document.createElement("span");
-        now.style.color = palette().racers[racer.color % 4];
+        now.style.color = palette().racers[racer.color];
         now.textContent = inTwoDigits(racer.samples.at(-1)?.[key]);
         return now;
       }));

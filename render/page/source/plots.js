@@ -45,7 +45,7 @@ export class Plot {
     context.clip();
     for (const racer of racers) {
       const now = racer.samples.at(-1)?.time ?? 0;
-      context.strokeStyle = palette.racers[racer.color % palette.racers.length];
+      context.strokeStyle = palette.racers[racer.color];
       const reference = this.reference(racer);
       if (reference !== null) {
         context.setLineDash([5, 4]);

@@ -1,5 +1,6 @@
 // Drawing the scene: water, targets, swimmers, their torques, and who is out of sight.
 
+import { COLORS } from "./arena.js";
 import { absoluteAngles, centerOfMass, jointPositions } from "./kinematics.js";
 import { drawDirection, drawGrid, drawPoint, drawTrail } from "./water.js";
 
@@ -12,7 +13,7 @@ export function readPalette() {
   return {
     grid: get("grid"), gridFine: get("grid-fine"), muted: get("muted"), text: get("text"), water: get("water"),
     target: get("target"), torque: get("torque"), panel: get("panel"), font: get("font"),
-    racers: [0, 1, 2, 3].map((i) => get(`racer-${i}`)),
+    racers: Array.from({ length: COLORS }, (_, i) => get(`racer-${i}`)),
   };
 }
 
@@ -24,7 +25,7 @@ export function drawScene(context, camera, arena, palette, { blend, trails, torq
     const { qpos } = racer.swimmer;
     return Float64Array.from(qpos, (q, i) => racer.before[i] + blend * (q - racer.before[i]));
   });
-  const color = ({ color: i }) => palette.racers[i % palette.racers.length];
+  const color = ({ color: i }) => palette.racers[i];
   if (trails) for (const racer of arena.racers) drawTrail(context, camera, racer.trail, color(racer));
   if ("x" in arena.target) drawPoint(context, camera, arena.target, palette.target);
   arena.racers.forEach(({ swimmer }, i) => {
