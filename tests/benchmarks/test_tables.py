@@ -6,6 +6,8 @@ import pytest
 import tables
 from compare_learners import Curve
 
+from swimmer_mj.learning.pretrained import pretrained_card, pretrained_names
+
 
 def curve(seconds, speeds):
     seconds = np.array(seconds, dtype=float)
@@ -37,3 +39,10 @@ def test_students_interval_covers_better_than_the_bootstrap():
     assert t == pytest.approx(0.95, abs=0.05)
     assert t > max(percentile, bca)
     assert widths[0] > max(widths[1:])
+
+
+def test_every_shipped_policy_is_in_the_table_with_the_speed_of_its_card():
+    rows = tables.policies().rows
+    assert [row[0] for row in rows] == [f"`{name}`" for name in pretrained_names()]
+    for row, name in zip(rows, pretrained_names(), strict=True):
+        assert float(row[1]) == pytest.approx(pretrained_card(name)["swimming_speed"], abs=0.02)
