@@ -132,7 +132,7 @@ def outcome(directory: Path, configs: Sequence[RunConfig]) -> dict[str, Any]:
             found |= {f"{path.name} {name} {key}": value.numpy().tobytes() for key, value in tensors.items()}
         with open(path / "metrics.csv", newline="") as file:
             found[f"{path.name} metrics"] = [row[:1] + row[2:] for row in csv.reader(file)]
-        found[f"{path.name} files"] = sorted(file.name for file in path.iterdir())
+        found |= {f"{path.name} file {file.name}": True for file in path.iterdir()}
     return found
 
 

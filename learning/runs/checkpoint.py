@@ -17,7 +17,7 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from swimmer_mj.files import replacing
@@ -37,11 +37,13 @@ def save_checkpoint(
     """
     text = json.dumps(info, indent=2)
     contiguous = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    content = save(contiguous, metadata={_KEY: text, _DIGEST: _digest(contiguous, text)})
     with replacing(path) as partial:
         try:
-            save_file(contiguous, partial, metadata={_KEY: text, _DIGEST: _digest(contiguous, text)})
-        except SafetensorError as error:
-            raise OSError(f"{os.fspath(path)} could not be written: {error}") from error
+            partial.write_bytes(content)  # save_file() would leave a file of its own behind when it is killed
+        except OSError as error:
+            reason = f"could not be written: {error.strerror or error}"
+            raise OSError(error.errno, reason, os.fspath(path)) from error
     with replacing(Path(path).with_suffix(".json")) as partial:
         partial.write_text(text + "\n")
 
