@@ -35,6 +35,7 @@ def sweep_plot(rows: Sequence[Mapping[str, Any]], measure: str = "swimming speed
     figure = Figure(figsize=(7.2, 1.4 + 0.26 * len(shown)), layout="constrained")
     axes = figure.subplots()
     plain_axes(axes)
+    axes.margins(x=0.04)
     for y, label in enumerate(shown):
         if speeds[label].size:
             axes.plot(
@@ -45,9 +46,9 @@ def sweep_plot(rows: Sequence[Mapping[str, Any]], measure: str = "swimming speed
         if lost:
             axes.annotate(
                 f"{lost} diverged",
-                (1.0, y),
+                (1.01, y),
                 xycoords=("axes fraction", "data"),
-                ha="right",
+                ha="left",
                 va="center",
                 color=ORANGE,
                 fontsize=8,
