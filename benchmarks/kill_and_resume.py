@@ -236,6 +236,7 @@ class Bench:
 
             def act(megabytes: int = megabytes, directory: Path = directory) -> None:
                 now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+                signal.alarm(30)  # Python itself waits for ever for a thread that had no memory to start
                 resource.setrlimit(resource.RLIMIT_AS, (now + megabytes * 2**20,) * 2)
                 learn(directory, self.configs)
 
