@@ -124,11 +124,12 @@ class BatchActor:
     def episodes(self, weights: Tensor, x: Array, shares: Array, dt: float) -> Array:
         """As in :class:`Actor`."""
         state, z, V, dVdx, u, flips = self._padded(x)
-        total = np.zeros(state.shape[1])
+        total, later = np.zeros(state.shape[1]), np.empty_like(state)
         for share in shares:
             self.network.judge(weights, state, z, V, dVdx)
-            total += share * self.form.reward(state)
-            self.form.greedy_rk4(state, dVdx, flips, dt, u, state)
+            self.form.greedy_rk4(state, dVdx, flips, dt, u, later)
+            total += share * self.form.reward(state, u)
+            state, later = later, state
         return total[: len(x)]
 
 

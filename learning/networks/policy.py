@@ -12,7 +12,7 @@ from torch import Tensor
 
 from swimmer_mj.learning.networks.actors import actor_for
 from swimmer_mj.learning.networks.networks import ValueNetwork
-from swimmer_mj.learning.problems.forms import Judgement
+from swimmer_mj.learning.problems.forms import CostForm, Judgement
 from swimmer_mj.learning.problems.problem import ControlProblem, as_states, episode_sums
 
 __all__ = ["GreedyPolicy", "greedy_control", "hamiltonian"]
@@ -22,9 +22,18 @@ T = TypeVar("T", float, Array, Tensor)
 Network = TypeVar("Network", bound=ValueNetwork)
 
 
-def greedy_control(B: Array, dVdx: Array, limits: Array) -> Array:
-    """argmax_u dV/dx . (a + B u): U_i sign([B^T dV/dx]_i), shape (..., q); 0 where either sign is as good."""
-    return limits * np.sign(np.einsum("...pq,...p->...q", B, dVdx))
+def greedy_control(B: Array, dVdx: Array, limits: Array, cost: Array | None = None) -> Array:
+    """argmax_u of dV/dx . (a + B u) - sum_i c_i u_i^2 with |u_i| <= U_i, shape (..., q).
+
+    U_i sign([B^T dV/dx]_i) where a control costs nothing, 0 if either sign is as good; else [B^T dV/dx]_i / 2 c_i,
+    clipped.
+    """
+    advantage = np.einsum("...pq,...p->...q", B, dVdx)
+    u = limits * np.sign(advantage)
+    if cost is None:
+        return u
+    linear = np.divide(advantage, 2 * cost, out=np.zeros_like(u), where=cost > 0)
+    return np.where(cost > 0, np.clip(linear, -limits, limits), u)
 
 
 def hamiltonian(r: T, V: T, dVdx: Array, f: Array, s_gamma: float) -> T:
@@ -48,10 +57,13 @@ class GreedyPolicy(Generic[Network]):
         (slope,) = torch.autograd.grad(V.sum(), state)
         dVdx = slope.double().numpy()
         a, B = problem.drift_and_control_matrix(x)
-        u = greedy_control(B, dVdx, problem.control_limits)
+        form = problem.form(CostForm)
+        cost = None if form is None else form.coefficients(x)
+        u = greedy_control(B, dVdx, problem.control_limits, cost)
         f = a + np.einsum("...pq,...q->...p", B, u)
+        r = problem.reward(x) if cost is None else problem.reward(x) - (cost * u**2).sum(axis=-1)
         value = V.detach().double().numpy()
-        return Judgement(u, value, hamiltonian(problem.reward(x), value, dVdx, f, problem.s_gamma))
+        return Judgement(u, value, hamiltonian(r, value, dVdx, f, problem.s_gamma))
 
     def __call__(self, x: Array) -> Array:
         """u, shape (..., q), at ``x``, shape (..., p)."""

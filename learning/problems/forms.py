@@ -7,7 +7,9 @@ form                      of what it is made                          who asks f
 :class:`BatchForm`        compiled, batches of trajectories           value gradients on CPUs, fast episodes
 :class:`CompiledForm`     compiled, one state                         TD(lambda): the fused kernel
 :class:`LanesForm`        compiled, a state in each SIMD lane         TD(lambda): a pack of learners
+:class:`CostForm`         what controls cost                          greedy control, H
 :class:`EnvironmentForm`  an environment in which it is judged        evaluation
+:class:`EpisodeForm`      how long an episode is                      evaluation
 :class:`SwimmerForm`      a swimmer in dm_control                     pictures, the viewer
 :class:`TrialsForm`       an environment in which it is learned       TD(lambda) through MuJoCo
 ========================  ==========================================  ==================================================
@@ -24,16 +26,19 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.learning.problems.problem import ControlProblem
+from swimmer_mj.learning.problems.problem import DT, EPISODE_DURATION, SETTLING_TIME, ControlProblem
 from swimmer_mj.parameters import SwimmerParameters
 from swimmer_mj.trajectory import Trajectory
 
 __all__ = [
+    "EPISODE",
     "BatchForm",
     "BatchPolicy",
     "CompiledForm",
+    "CostForm",
     "Encoding",
     "EnvironmentForm",
+    "EpisodeForm",
     "Judgement",
     "LanesForm",
     "Learner",
@@ -43,6 +48,7 @@ __all__ = [
     "SwimmerForm",
     "TorchForm",
     "TrialsForm",
+    "episode_of",
 ]
 
 Array = NDArray[np.float64]
@@ -120,11 +126,19 @@ class BatchForm(NamedTuple):
     """(x, dVdx, flips, dt, u, y): greedy controls u (q, N) times ``flips``, and the states y (p, N) after an Euler step
     from x; y may be x."""
     greedy_rk4: Callable[..., None]
-    """As ``greedy_step``, by the classical Runge-Kutta method with u held."""
+    """As ``greedy_step``, as exactly as episodes are stepped, with u held: by the classical Runge-Kutta method, or by
+    the model's own steps of its own integrator. ``y`` may be x."""
     targets: Callable[..., None]
     """(x, u, V, dVdx, dt, s_gamma, s_lambda, out): g and G of :mod:`swimmer_mj.learning.value_gradient.equations`."""
-    reward: Callable[[Array], Array]
-    """(..., p, N) -> (..., N)."""
+    reward: Callable[[Array, Array], Array]
+    """Of x (..., p, N) and u (..., q, N), what the control costs taken off: (..., N)."""
+
+
+class CostForm(NamedTuple):
+    """Controls that cost: the reward rate is r(x) - sum_i c_i(x) u_i^2."""
+
+    coefficients: Callable[[Array], Array]
+    """c >= 0 at x: (..., p) -> (..., q)."""
 
 
 class Moment(NamedTuple):
@@ -220,6 +234,25 @@ class EnvironmentForm(NamedTuple):
     """(policy, n_episodes, workers): of each episode."""
     scores: Callable[[Policy, int, int], Sequence[Score]] | None = None
     """The same with all that is measured in one pass over the episodes, ``measure`` first; None if that is all."""
+
+
+class EpisodeForm(NamedTuple):
+    """The episodes over which rewards are averaged; without it, :data:`EPISODE`."""
+
+    duration: float
+    """s."""
+    skip: float
+    """How much of it is left out at the beginning, s."""
+    dt: float
+    """For how long a control is held, s."""
+
+
+EPISODE = EpisodeForm(EPISODE_DURATION, SETTLING_TIME, DT)
+
+
+def episode_of(problem: ControlProblem) -> EpisodeForm:
+    """The episodes of an evaluation of ``problem``."""
+    return problem.form(EpisodeForm) or EPISODE
 
 
 class SwimmerForm(NamedTuple):

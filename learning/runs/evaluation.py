@@ -12,11 +12,8 @@ from numpy.typing import NDArray
 
 from swimmer_mj.integrators import rk4_step
 from swimmer_mj.intervals import known_interval, mean_and_interval
-from swimmer_mj.learning.problems.forms import EnvironmentForm, Policy, Score
+from swimmer_mj.learning.problems.forms import EnvironmentForm, Policy, Score, episode_of
 from swimmer_mj.learning.problems.problem import (
-    DT,
-    EPISODE_DURATION,
-    SETTLING_TIME,
     ControlProblem,
     discount_shares,
     episode_shares,
@@ -36,8 +33,9 @@ def scores(policy: Policy, episodes: int, workers: int = 1) -> Sequence[Score]:
     problem = policy.problem
     environment = problem.form(EnvironmentForm)
     if environment is None:
-        shares = episode_shares(EPISODE_DURATION, SETTLING_TIME, DT)
-        values = policy.episodes(evaluation_starts(problem)[:episodes], shares, DT)
+        duration, skip, dt = episode_of(problem)
+        shares = episode_shares(duration, skip, dt)
+        values = policy.episodes(evaluation_starts(problem)[:episodes], shares, dt)
         return [Score("reward", "", values)]
     if environment.scores is None:
         return [Score(environment.measure, environment.unit, environment.evaluate(policy, episodes, workers))]
@@ -57,7 +55,8 @@ def evaluate_run(
         found[f"{name}_ci95"] = known_interval(interval)
     states = evaluation_sample(problem)
     sample = policy.judge(states)
-    returns = policy.episodes(states, discount_shares(problem.s_gamma, 10.0 / problem.s_gamma, DT), DT)
+    dt = episode_of(problem).dt
+    returns = policy.episodes(states, discount_shares(problem.s_gamma, 10.0 / problem.s_gamma, dt), dt)
     return {
         "run": str(Path(directory)),
         "seed": config.seed,
@@ -96,15 +95,16 @@ class Episode(NamedTuple):
 def record_episode(policy: Policy, duration: float) -> Episode:
     """An episode of ``duration`` seconds from the first start of an evaluation, stepped by the problem itself."""
     problem = policy.problem
-    n_steps = round(duration / DT)
+    dt = episode_of(problem).dt
+    n_steps = round(duration / dt)
     x = evaluation_starts(problem)[:1]
     states, judged = [x], []
     for _ in range(n_steps + 1):
         judged.append(policy.judge(states[-1]))
-        states.append(problem.step(states[-1], judged[-1].control, DT))
+        states.append(problem.step(states[-1], judged[-1].control, dt))
     states = np.concatenate(states[:-1])
     controls, values, hamiltonians = (np.concatenate(column) for column in zip(*judged, strict=True))
-    times = DT * np.arange(n_steps + 1, dtype=np.float64)
+    times = dt * np.arange(n_steps + 1, dtype=np.float64)
     return Episode(problem, times, states, controls[:-1], problem.reward(states), values, hamiltonians)
 
 

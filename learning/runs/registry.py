@@ -23,6 +23,7 @@ PROBLEMS = {
     "swim": "swimmer_mj.learning.problems.swim:Swimming",
     "pendulum": "swimmer_mj.learning.problems.pendulum:Pendulum",
     "cart-pole": "swimmer_mj.learning.problems.cart_pole:CartPole",
+    "mujoco": "swimmer_mj.learning.problems.mujoco.task:MujocoTask",
 }
 METHODS = {
     "td": "swimmer_mj.learning.td.method:TemporalDifferences",

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from swimmer_mj.files import replacing
 from swimmer_mj.learning.method import Reseeded
-from swimmer_mj.learning.problems.forms import EnvironmentForm, Policy
-from swimmer_mj.learning.problems.problem import EPISODE_DURATION, N_EPISODES, SETTLING_TIME, ControlProblem
+from swimmer_mj.learning.problems.forms import EnvironmentForm, Policy, episode_of
+from swimmer_mj.learning.problems.problem import N_EPISODES, ControlProblem
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint, save_checkpoint
 from swimmer_mj.learning.runs.config import CONFIG, RunConfig, read_config
 from swimmer_mj.learning.runs.lock import RunInUseError, locked
@@ -211,13 +211,13 @@ class TrainingRun:
     def evaluate(self, seconds: float) -> Metrics:
         """<V>_S, <H^2>_S and the speed of the weights as they are."""
         values, hamiltonians = self.learning.judge(evaluation_sample(self.problem))
-        starts = evaluation_starts(self.problem)
+        starts, episode = evaluation_starts(self.problem), episode_of(self.problem)
         return Metrics(
             self.trial,
             seconds,
             float(values.mean()),
             float((hamiltonians**2).mean()),
-            float(self.learning.rewards(starts, EPISODE_DURATION, SETTLING_TIME).mean()),
+            float(self.learning.rewards(starts, episode.duration, episode.skip).mean()),
         )
 
     # On disk -----------------------------------------------------------------------------------------------------

@@ -18,8 +18,8 @@ from torch import Tensor
 from swimmer_mj.learning.method import Along
 from swimmer_mj.learning.networks.networks import Cascade, DType, Sigmoid
 from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.problems.forms import CompiledForm, Learner, TrialsForm
-from swimmer_mj.learning.problems.problem import DT, ControlProblem, episode_shares
+from swimmer_mj.learning.problems.forms import CompiledForm, Learner, TrialsForm, episode_of
+from swimmer_mj.learning.problems.problem import ControlProblem, episode_shares
 from swimmer_mj.learning.problems.settings import require_choices, require_units
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
@@ -196,8 +196,9 @@ class TDLearning:
     def rewards(self, states: Array, duration: float, skip: float) -> Array:
         """Mean reward of greedy episodes, on the compiled equations where there are any."""
         if self.fused is None:
-            shares = episode_shares(duration, skip, DT)
-            return GreedyPolicy(self.problem, self.network).episodes(states, shares, DT)
+            dt = episode_of(self.problem).dt
+            shares = episode_shares(duration, skip, dt)
+            return GreedyPolicy(self.problem, self.network).episodes(states, shares, dt)
         return self.fused.rollout(states, duration, skip).reward
 
     def result(self) -> dict[str, Tensor]:

@@ -155,7 +155,7 @@ class _CompiledEngine(BatchActor):
         data[:, :m] = z[:T]
         s_gamma, s_lambda = self.s_gamma, settings.s_lambda
         self.form.targets(X, U, V, dVdx, settings.dt, s_gamma, s_lambda, data[:, m:])
-        r = self.form.reward(X[:T])
+        r = self.form.reward(X[:T], U)
         rows = torch.from_numpy(data).transpose(0, 1).reshape(m + p + 1, T * N)
         return Batch(rows, float(r.mean()), float(V.mean())), X[T].T.copy()
 

@@ -15,7 +15,7 @@ from torch import Tensor
 from swimmer_mj.learning.method import TRIAL_SECONDS, Along
 from swimmer_mj.learning.networks.networks import Cascade, DType, Multilayer, Sigmoid, ValueNetwork
 from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.problems.forms import TrialsForm
+from swimmer_mj.learning.problems.forms import TrialsForm, episode_of
 from swimmer_mj.learning.problems.problem import ControlProblem
 from swimmer_mj.learning.problems.settings import require_choices, require_units
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
@@ -121,7 +121,7 @@ class ValueGradientLearning:
 
     def rewards(self, states: Array, duration: float, skip: float) -> Array:
         """Mean reward of greedy episodes."""
-        return self.learner.rollout(states, duration, skip)
+        return self.learner.rollout(states, duration, skip, episode_of(self.learner.problem).dt)
 
     def result(self) -> dict[str, Tensor]:
         """The averaged weights."""

@@ -453,5 +453,5 @@ def make(problem: Swimming) -> BatchForm | None:
         partial(greedy_step, ws, constants, limits),
         partial(greedy_rk4, ws, constants, limits),
         partial(targets, ws, constants),
-        lambda x: x[..., 2 * n, :],
+        lambda x, u: x[..., 2 * n, :],
     )

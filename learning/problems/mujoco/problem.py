@@ -1,0 +1,381 @@
+"""A MuJoCo model as a control problem: MuJoCo is the drift, the control matrix and the Jacobian.
+
+Give a model, a reward as a torch function of named things, and learn::
+
+    problem = MujocoProblem("arm.xml", lambda scene: -scene.site("hand").norm(dim=1))
+
+The model must be smooth: what contacts, friction and joint limits do is computed, but its derivatives jump where a
+constraint becomes active. A warning says at which share of states one is.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types.)
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import mujoco
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from swimmer_mj.learning.problems.forms import BatchForm, CostForm, Encoding
+from swimmer_mj.learning.problems.mujoco.actuation import actuation
+from swimmer_mj.learning.problems.mujoco.batched import MujocoBatch, Rate
+from swimmer_mj.learning.problems.mujoco.coordinates import layout
+from swimmer_mj.learning.problems.mujoco.readings import Scene, recorded, scene_of
+from swimmer_mj.learning.problems.mujoco.simulations import Simulations, learners_model, own_model
+from swimmer_mj.mjcf import FRICTION_TUPLE
+from swimmer_mj.viscous import hold
+
+__all__ = ["Draw", "MujocoProblem", "Starts", "load_model"]
+
+Array = NDArray[np.float64]
+Form = TypeVar("Form")
+Function = Callable[[Scene], Tensor]
+
+SAMPLE = 256
+"""States from which scales, and what does not matter, are read off."""
+SETTLING = 1.0
+"""How long those states move under random controls before their scales are taken, s."""
+
+
+class Starts(NamedTuple):
+    """Initial states in MuJoCo's own coordinates."""
+
+    qpos: Array
+    """(count, nq)."""
+    qvel: Array
+    """(count, nv)."""
+    goal: Array | None = None
+    """(count, size): what the reward and the policy know besides, and what does not move."""
+    act: Array | None = None
+    """(count, na)."""
+
+
+Draw = Callable[[np.random.Generator, int], Starts]
+"""The law of initial states: (generator, count) -> :class:`Starts`."""
+
+
+def load_model(source: Any) -> Any:
+    """The model of an MjModel, an XML string, or the path of an XML file."""
+    if isinstance(source, mujoco.MjModel):
+        return source
+    text = os.fspath(source)
+    try:
+        if text.lstrip().startswith("<"):
+            return mujoco.MjModel.from_xml_string(text)
+        if not Path(text).is_file():
+            raise FileNotFoundError(f"there is no model {text}")
+        return mujoco.MjModel.from_xml_path(text)
+    except ValueError as error:
+        raise ValueError(f"MuJoCo cannot compile the model: {str(error).splitlines()[0]}") from error
+
+
+class MujocoProblem:
+    """A :class:`~swimmer_mj.learning.problems.problem.ControlProblem` of a MuJoCo model.
+
+    Parameters
+    ----------
+    model : MjModel, str or path
+        The model, its XML, or its file. What is done to it later has no effect.
+    reward_rate : callable
+        r of a :class:`~swimmer_mj.learning.problems.mujoco.readings.Scene`, shape (N,), in torch; per second.
+    control_cost : callable or sequence of float, optional
+        c >= 0, (N, q) or one for each control: the reward rate is r - sum_i c_i u_i^2, where u is how far ctrl is from
+        the middle of its range. The greedy control is then B^T dV/dx / 2c within its limits; without it, bang-bang.
+    name : str
+        What to call it.
+    draw : callable, optional
+        The law of initial states. By default angles that turn freely are anywhere, limited joints anywhere in their
+        range, other positions within 1 of those of the model, velocities within 1.
+    s_gamma : float
+        Shortness factor, 1/s.
+    control_timestep : float, optional
+        For how long a control is held when the policy acts, s; the model's own time step by default.
+    without : sequence of str, optional
+        Joints whose positions nothing depends on; None finds them.
+    control_limits : sequence of float, optional
+        For actuators without a ctrlrange.
+    threads : int, optional
+        All cores by default. Results do not depend on it.
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        reward_rate: Function,
+        *,
+        control_cost: Function | Sequence[float] | None = None,
+        name: str = "mujoco",
+        draw: Draw | None = None,
+        s_gamma: float = 1.0,
+        control_timestep: float | None = None,
+        without: Sequence[str] | None = None,
+        control_limits: Sequence[float] | None = None,
+        threads: int | None = None,
+    ) -> None:
+        if not s_gamma > 0:
+            raise ValueError(f"s_gamma must be positive, got {s_gamma!r}")
+        self.name, self.s_gamma = name, s_gamma
+        self.model = model = own_model(load_model(model))
+        self.control_timestep = model.opt.timestep if control_timestep is None else control_timestep
+        self._actuation = actuation(model, control_limits)
+        self.control_limits = self._actuation.limits
+        self._home = np.array(model.qpos0)
+        self._draw = partial(_anywhere, model) if draw is None else draw
+        starts = self._draw(np.random.default_rng(0), 2)
+        self.goal_size = 0 if starts.goal is None else starts.goal.shape[1]
+        self._threads = threads
+        if _declares_friction(model):
+            hold(self)
+        constant = control_cost is None or not callable(control_cost)
+        asked = (reward_rate,) if constant else (reward_rate, control_cost)
+        self.readings = recorded(model, asked, self.goal_size)  # pyright: ignore[reportArgumentType]
+        self._reward, self._cost = reward_rate, control_cost
+        if without is None:
+            without = self._unused()
+        self.layout = layout(model, without, self.goal_size)
+        self.state_size = len(self.layout.names)
+        self._check_functions()
+        self.encoding = self._encoding()
+        self.n_inputs = 2 * len(self.encoding.angle) + len(self.encoding.linear)
+
+    # The reward ----------------------------------------------------------------------------------------------------
+
+    def rate(self, x: Tensor, values: Tensor) -> tuple[Tensor, Tensor]:
+        """r (N,) and the coefficients c (N, q), of states x (N, p) with the ``values`` (N, r) of their readings."""
+        scene = scene_of(self.model, self.layout.coordinates, self._home, x, self.readings, values)
+        r = self._reward(scene)
+        if callable(self._cost):
+            return r, self._cost(scene)
+        return r, torch.from_numpy(self._constant_cost).to(x).expand(len(x), -1)
+
+    @property
+    def _constant_cost(self) -> Array | None:
+        """c (q,), unless it depends on the state."""
+        if callable(self._cost):
+            return None
+        return np.zeros(self.control_limits.size) if self._cost is None else np.array(self._cost, dtype=float)
+
+    def _check_functions(self) -> None:
+        x = self.initial_states(np.random.default_rng(0), 3)
+        r, c = self.rate(torch.from_numpy(x), torch.from_numpy(self.read(x)))
+        q = len(self.control_limits)
+        for name, value, shape in (("reward_rate", r, (3,)), ("control_cost", c, (3, q))):
+            if tuple(value.shape) != shape:
+                raise ValueError(f"{name} must have shape {shape} at 3 states, got {tuple(value.shape)}")
+            if not bool(torch.isfinite(value).all()):
+                raise ValueError(f"{name} is not finite at an initial state")
+        if bool((c < 0).any()):
+            raise ValueError(f"control_cost must not be negative, got {float(c.min())}")
+
+    # ControlProblem ------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _single(self) -> MujocoBatch:
+        """For calls from Python, one at a time."""
+        return self.batch()
+
+    def batch(self, centred: bool = False) -> MujocoBatch:
+        """Its compiled loops, with buffers of their own; with central differences if ``centred``."""
+        co, ac, readings, threads = self.layout.coordinates, self._actuation, self.readings, self._threads
+        learner = Simulations(learners_model(self.model), self._home, readings, threads)
+        actor = Simulations(own_model(self.model), self._home, readings, threads)
+        return MujocoBatch(learner, actor, co, ac, self.rate, self._constant_cost, centred)
+
+    def read(self, x: Array) -> Array:
+        """The readings at x (N, p), shape (N, r)."""
+        return self._single.read(np.ascontiguousarray(x.T)).T
+
+    def drift_and_control_matrix(self, x: Array) -> tuple[Array, Array]:
+        """a(x), shape (..., p), with the controls in the middle of their ranges, and B(x), shape (..., p, q)."""
+        x = np.asarray(x, dtype=np.float64)
+        p, q = self.state_size, len(self.control_limits)
+        a, B = self._single.drift_and_control_matrix(np.ascontiguousarray(x.reshape(-1, p)))
+        return a.reshape(x.shape), B.reshape(*x.shape, q)
+
+    def _rates(self, x: Array) -> Rate:
+        x = np.asarray(x, dtype=np.float64)
+        flat = np.ascontiguousarray(x.reshape(-1, self.state_size).T)
+        r, c = self._single.rate(flat)
+        return Rate(r.reshape(x.shape[:-1]), np.moveaxis(c, 0, -1).reshape(*x.shape[:-1], -1))
+
+    def reward(self, x: Array) -> Array:
+        """r(x), shape (...), without the control's cost."""
+        return self._rates(x).reward
+
+    def control_cost(self, x: Array) -> Array:
+        """c(x), shape (..., q)."""
+        return self._rates(x).cost
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """x(t + dt) by one step of the learner's, u held."""
+        x = np.asarray(x, dtype=np.float64)
+        p, q = self.state_size, len(self.control_limits)
+        u = np.ascontiguousarray(np.broadcast_to(u, (*x.shape[:-1], q)).reshape(-1, q).T)
+        return self._single.step(np.ascontiguousarray(x.reshape(-1, p).T), u, dt).T.reshape(x.shape)
+
+    def initial_states(self, rng: np.random.Generator, count: int) -> Array:
+        """``count`` draws, shape (count, p)."""
+        return self.states(self._draw(rng, count))
+
+    def states(self, starts: Starts) -> Array:
+        """x (count, p) of MuJoCo's coordinates."""
+        co = self.layout.coordinates
+        x = np.zeros((len(starts.qpos), self.state_size))
+        x[:, co.scalar_row] = starts.qpos[:, co.scalar_qpos]
+        for row, start in zip(co.quaternion_row, co.quaternion_qpos, strict=True):
+            q = starts.qpos[:, start : start + 4]
+            x[:, row : row + 4] = np.where(q[:, :1] < 0, -q, q) / np.linalg.norm(q, axis=1, keepdims=True)
+        x[:, co.velocity_row] = starts.qvel[:, co.velocity_dof]
+        if starts.act is not None:
+            x[:, co.activation_row] = starts.act
+        if starts.goal is not None:
+            x[:, co.goal_row] = starts.goal
+        return x
+
+    def ctrl(self, u: Array) -> Array:
+        """MuJoCo's ctrl (..., nu) of controls u (..., q)."""
+        ctrl = np.zeros((*u.shape[:-1], self.model.nu))
+        ctrl[..., self._actuation.actuator] = self._actuation.middle + u
+        return ctrl
+
+    def inputs(self, x: Tensor) -> Tensor:
+        """cos and sin of angles that turn freely, the rest scaled to order one; (..., m)."""
+        e = self.encoding
+        angles = x[..., e.angle]
+        linear = x[..., e.linear] * torch.as_tensor(e.scale).to(x)
+        return torch.cat([torch.cos(angles), torch.sin(angles), linear], dim=-1)
+
+    def form(self, kind: type[Form]) -> Form | None:
+        """Batches of states by MuJoCo, and the control's cost."""
+        if kind is BatchForm:
+            batch = self.batch()
+            return BatchForm(  # pyright: ignore[reportReturnType]
+                self.encoding,
+                batch.greedy_step,
+                batch.greedy_act,
+                batch.targets,
+                batch.reward,
+            )
+        if kind is CostForm and self._cost is not None:
+            return CostForm(self.control_cost)  # pyright: ignore[reportReturnType]
+        return None
+
+    # What is found out about the model -----------------------------------------------------------------------------
+
+    def _wanderings(self) -> Array:
+        """States reached from initial states by random controls, held, within a second; (SAMPLE, p)."""
+        rng = np.random.default_rng(0)
+        x = self.initial_states(rng, SAMPLE)
+        U = self.control_limits
+        dt = min(self.control_timestep, 0.02)
+        u = rng.uniform(-U, U, (SAMPLE, U.size))
+        for k in range(round(SETTLING / dt)):
+            if k % max(1, round(0.1 / dt)) == 0:
+                u = rng.uniform(-U, U, (SAMPLE, U.size))
+            later = self.step(x, u, dt)
+            ok = np.isfinite(later).all(axis=1) & (np.abs(later).max(axis=1) < 1e4)
+            x = np.where(ok[:, None], later, x)
+        return x
+
+    def _encoding(self) -> Encoding:
+        angle = self.layout.angle
+        linear = np.setdiff1d(np.arange(self.state_size), angle)
+        n = len(angle)
+        seen = np.concatenate([self.initial_states(np.random.default_rng(0), SAMPLE), self._wanderings()])
+        size = np.sqrt((seen[:, linear] ** 2).mean(axis=0))
+        scale = 1 / np.where(size > 1e-6, size, 1.0)
+        co = self.layout.coordinates
+        for row in co.quaternion_row:
+            scale[np.isin(linear, np.arange(row, row + 4))] = 1.0
+        k = np.arange(n)
+        return Encoding(angle, k, n + k, linear, 2 * n + np.arange(len(linear)), scale)
+
+    def _unused(self) -> tuple[str, ...]:
+        """Hinges and slides whose positions change neither accelerations, nor control matrix, nor reward."""
+        self.layout = layout(self.model, (), self.goal_size)
+        self.state_size = len(self.layout.names)
+        rng = np.random.default_rng(1)
+        x = self.initial_states(rng, 16)
+
+        def all_of(x: Array) -> Array:
+            a, B = self.drift_and_control_matrix(x)
+            r, c = self._rates(x)
+            return np.concatenate([a, B.reshape(len(x), -1), r[:, None], c], axis=1)
+
+        before = all_of(x)
+        scale = 1 + np.abs(before)
+        co = self.layout.coordinates
+        found = []
+        for j in range(self.model.njnt):
+            kind = mujoco.mjtJoint(int(self.model.jnt_type[j]))
+            if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+                continue
+            if self.model.jnt_limited[j]:
+                continue
+            (k,) = np.flatnonzero(co.scalar_qpos == self.model.jnt_qposadr[j])
+            moved = x.copy()
+            moved[:, co.scalar_row[k]] += rng.uniform(-3, 3, len(x))
+            if (np.abs(all_of(moved) - before) < 1e-7 * scale).all():
+                found.append(self.layout.names[co.scalar_row[k]])
+        del self._single
+        return tuple(found)
+
+    def constrained_share(self) -> float:
+        """The share of states, drawn and reached by random controls, at which a constraint is active."""
+        seen = np.concatenate([self.initial_states(np.random.default_rng(0), SAMPLE), self._wanderings()])
+        data = mujoco.MjData(self.model)
+        co = self.layout.coordinates
+        active = 0
+        for x in seen:
+            data.qpos[:] = self._home
+            data.qpos[co.scalar_qpos] = x[co.scalar_row]
+            for row, start in zip(co.quaternion_row, co.quaternion_qpos, strict=True):
+                data.qpos[start : start + 4] = x[row : row + 4]
+            data.qvel[co.velocity_dof] = x[co.velocity_row]
+            mujoco.mj_forward(self.model, data)
+            active += data.nefc > 0
+        return active / len(seen)
+
+    def warn_of_constraints(self) -> None:
+        """One line, if a constraint is active at some of the states seen."""
+        share = self.constrained_share()
+        if share > 0:
+            warnings.warn(
+                f"{self.name}: constraints (contacts, joint limits, equalities, dry friction) are active at "
+                f"{100 * share:.0f} % of the states seen; there the model is not smooth, and gradients may mislead",
+                stacklevel=2,
+            )
+
+
+def _declares_friction(model: Any) -> bool:
+    names = (mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TUPLE, k) or "" for k in range(model.ntuple))
+    return any(name.endswith(FRICTION_TUPLE) for name in names)
+
+
+def _anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
+    """The default law of initial states."""
+    qpos = np.tile(model.qpos0, (count, 1))
+    for j in range(model.njnt):
+        at, kind = model.jnt_qposadr[j], mujoco.mjtJoint(int(model.jnt_type[j]))
+        if kind == mujoco.mjtJoint.mjJNT_FREE:
+            qpos[:, at : at + 3] += rng.uniform(-1, 1, (count, 3))
+            at += 3
+        if kind in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
+            q = rng.normal(size=(count, 4))
+            qpos[:, at : at + 4] = q / np.linalg.norm(q, axis=1, keepdims=True)
+        elif model.jnt_limited[j]:
+            qpos[:, at] = rng.uniform(*model.jnt_range[j], count)
+        elif kind == mujoco.mjtJoint.mjJNT_HINGE:
+            qpos[:, at] = rng.uniform(-np.pi, np.pi, count)
+        else:
+            qpos[:, at] += rng.uniform(-1, 1, count)
+    return Starts(qpos, rng.uniform(-1, 1, (count, model.nv)))

@@ -1,0 +1,193 @@
+"""Problems by name: dm_control/DOMAIN/TASK, gymnasium/ID, or a file of MJCF with a reward."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from swimmer_mj.learning.problems.forms import EnvironmentForm, EpisodeForm, Policy
+from swimmer_mj.learning.problems.mujoco.episodes import Episode, known_task, open_episode
+from swimmer_mj.learning.problems.mujoco.problem import MujocoProblem, Starts, load_model
+from swimmer_mj.learning.problems.mujoco.tasks.task import Task
+
+__all__ = ["MujocoTask", "is_mujoco"]
+
+Array = NDArray[np.float64]
+Form = TypeVar("Form")
+
+
+def is_mujoco(name: str) -> bool:
+    """Whether a problem's name is one of an environment or of a model."""
+    return name.startswith(("dm_control/", "gymnasium/")) or name.endswith(".xml")
+
+
+def _function(name: str) -> Callable[..., Any]:
+    """The function at "module:function"."""
+    module, colon, function = name.partition(":")
+    if not (module and colon and function):
+        raise ValueError(f"reward must be like my_module:reward, got {name!r}")
+    try:
+        return getattr(importlib.import_module(module), function)
+    except (ModuleNotFoundError, AttributeError) as error:
+        raise ValueError(f"reward {name!r}: {error}; is its folder on Python's path?") from error
+
+
+@dataclass(frozen=True)
+class MujocoTask:
+    """A :class:`~swimmer_mj.learning.problems.mujoco.problem.MujocoProblem` that config.json can keep."""
+
+    environment: str = "dm_control/cartpole/swingup"
+    """dm_control/DOMAIN/TASK, gymnasium/ID, or the path of an MJCF file."""
+    reward_function: str | None = None
+    """module:function of the reward rate, a torch function of a Scene; None where the environment's is known."""
+    control_cost: tuple[float, ...] | None = None
+    """Coefficient of u^2 for each control; None: the environment's, or none."""
+    s_gamma: float = math.nan
+    """Shortness factor, 1/s; not given, what is known to learn the task, or 1."""
+    limits: tuple[float, ...] | None = None
+    """For actuators without a ctrlrange."""
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.s_gamma):
+            object.__setattr__(self, "s_gamma", self.task.s_gamma)
+        self.problem  # noqa: B018 - what cannot be learned is refused now
+
+    @classmethod
+    def from_options(
+        cls, environment: str, reward: str | None = None, s_gamma: float = math.nan
+    ) -> Self:
+        """The problem by the options of the command line."""
+        if environment.endswith(".xml"):
+            environment = os.fspath(Path(environment).resolve())
+        return cls(environment, reward, s_gamma=s_gamma)
+
+    @property
+    def _is_file(self) -> bool:
+        return self.environment.endswith(".xml")
+
+    @cached_property
+    def task(self) -> Task:
+        """What is known of it."""
+        known = None if self._is_file else known_task(self.environment)
+        if self.reward_function is not None:
+            reward = _function(self.reward_function)
+            return Task(reward) if known is None else known._replace(learned=reward)
+        if known is None:
+            raise ValueError(
+                f"{self.environment}: its reward is not known as a torch function; "
+                "give --reward module:function (docs/any-model.md)"
+            )
+        return known
+
+    @cached_property
+    def _first(self) -> Episode | None:
+        return None if self._is_file else open_episode(self.environment, 0)
+
+    @cached_property
+    def problem(self) -> MujocoProblem:
+        """The problem itself."""
+        task, first = self.task, self._first
+        model = load_model(self.environment) if first is None else first.model
+        draw = task.draw
+        return MujocoProblem(
+            model,
+            task.learned or task.reward,
+            control_cost=task.cost if self.control_cost is None else self.control_cost,
+            name=self.environment,
+            draw=None if draw is None else lambda rng, count: draw(model, rng, count),
+            s_gamma=self.s_gamma,
+            control_timestep=None if first is None else first.control_timestep,
+            control_limits=self.limits,
+        )
+
+    # ControlProblem ------------------------------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """That of the environment."""
+        return self.environment
+
+    @property
+    def advice(self) -> Mapping[str, Any]:
+        """Settings of value gradients that are known to learn it."""
+        return self.task.advice
+
+    @property
+    def state_size(self) -> int:
+        """p."""
+        return self.problem.state_size
+
+    @property
+    def n_inputs(self) -> int:
+        """m."""
+        return self.problem.n_inputs
+
+    @property
+    def control_limits(self) -> Array:
+        """U, shape (q,)."""
+        return self.problem.control_limits
+
+    def drift_and_control_matrix(self, x: Array) -> tuple[Array, Array]:
+        """a(x), shape (..., p), and B(x), shape (..., p, q)."""
+        return self.problem.drift_and_control_matrix(x)
+
+    def reward(self, x: Array) -> Array:
+        """r(x), shape (...), without the control's cost."""
+        return self.problem.reward(x)
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """x(t + dt), u held."""
+        return self.problem.step(x, u, dt)
+
+    def initial_states(self, rng: np.random.Generator, count: int) -> Array:
+        """``count`` draws, shape (count, p)."""
+        return self.problem.initial_states(rng, count)
+
+    def inputs(self, x: Tensor) -> Tensor:
+        """The network's inputs, (..., m)."""
+        return self.problem.inputs(x)
+
+    def form(self, kind: type[Form]) -> Form | None:
+        """As the problem's, and the environment that judges it."""
+        first = self._first
+        if first is not None and kind is EpisodeForm:
+            return EpisodeForm(first.steps * first.control_timestep, 0.0, first.control_timestep)  # pyright: ignore
+        if first is not None and kind is EnvironmentForm:
+            return EnvironmentForm("return", "", self._starts, self._returns)  # pyright: ignore
+        return self.problem.form(kind)
+
+    # The environment -----------------------------------------------------------------------------------------------
+
+    def state(self, episode: Episode) -> Array:
+        """x, shape (p,)."""
+        goal = self.task.goal(episode.model, episode.data)
+        qpos = self.task.relative(np.array(episode.data.qpos), goal)
+        act = np.array(episode.data.act).reshape(1, -1)
+        known = goal[None] if self.problem.goal_size else None
+        return self.problem.states(Starts(qpos[None], np.array(episode.data.qvel)[None], known, act))[0]
+
+    def _starts(self, count: int) -> Array:
+        """The states in which the episodes of seeds 0 .. count - 1 begin."""
+        return np.stack([self.state(open_episode(self.environment, seed)) for seed in range(count)])
+
+    def _returns(self, policy: Policy, count: int, workers: int) -> Array:
+        """Return of each episode, in the environment as it is; they run side by side."""
+        episodes = [open_episode(self.environment, seed) for seed in range(count)]
+        total, running = np.zeros(count), list(range(count))
+        while running:
+            u = policy(np.stack([self.state(episodes[k]) for k in running]))
+            ctrl = self.problem.ctrl(u)
+            for k, one in zip(running, ctrl, strict=True):
+                total[k] += episodes[k].step(one)
+            running = [k for k in running if not episodes[k].over]
+        return total

@@ -1,0 +1,1 @@
+"""Environments that are known: their rewards in torch."""

@@ -1,0 +1,121 @@
+"""Gymnasium's MuJoCo tasks (version 5): their rewards, restated in torch; held equal to Gymnasium's own by a test.
+
+An environment that ends when something falls pays for not falling; what is learned is then a smooth reward of standing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from swimmer_mj.learning.problems.mujoco.problem import Starts
+from swimmer_mj.learning.problems.mujoco.readings import Scene
+from swimmer_mj.learning.problems.mujoco.tasks.task import Task
+
+__all__ = ["TASKS"]
+
+Array = NDArray[np.float64]
+
+
+def _inverted_pendulum(scene: Scene) -> Tensor:
+    """1 while the pole is within 0.2 rad of the vertical."""
+    return (scene.joint("hinge").abs() <= 0.2).to(scene.qpos.dtype)
+
+
+def _inverted_pendulum_learned(scene: Scene) -> Tensor:
+    """Upright, and in the middle of the track."""
+    return torch.exp(-((scene.joint("hinge") / 0.1) ** 2)) - (scene.joint("slider") / 0.9) ** 2
+
+
+def _near_upright(model: Any, rng: np.random.Generator, count: int) -> Starts:
+    qpos = rng.uniform(-0.2, 0.2, (count, model.nq))
+    qpos[:, 0] = rng.uniform(-0.7, 0.7, count)
+    return Starts(qpos, rng.uniform(-0.5, 0.5, (count, model.nv)))
+
+
+def _tip(scene: Scene) -> tuple[Tensor, Tensor]:
+    """Across and up, m."""
+    tip = scene.site("tip")
+    return tip[:, 0], tip[:, 2]
+
+
+def _penalty(scene: Scene) -> Tensor:
+    x, y = _tip(scene)
+    v1, v2 = scene.qvel[:, 1], scene.qvel[:, 2]
+    return 0.01 * x**2 + (y - 2) ** 2 + 1e-3 * v1**2 + 5e-3 * v2**2
+
+
+def _double_pendulum(scene: Scene) -> Tensor:
+    """10 while the tip is higher than 1 m, less what distance and speed cost."""
+    return 10 * (_tip(scene)[1] > 1).to(scene.qpos.dtype) - _penalty(scene)
+
+
+def _double_pendulum_learned(scene: Scene) -> Tensor:
+    """Distance and speed, and the cart in the middle of its track."""
+    return -_penalty(scene) - (scene.joint("slider") / 0.9) ** 2
+
+
+def _from_target(scene: Scene) -> Tensor:
+    """Distance of the fingertip from the target, m."""
+    away = scene.centre_of_mass("fingertip") - scene.centre_of_mass("target")
+    return away.square().sum(dim=1).clamp(min=1e-18).sqrt()
+
+
+def _reacher(scene: Scene) -> Tensor:
+    away = scene.body("fingertip") - scene.body("target")
+    return -away.square().sum(dim=1).clamp(min=1e-18).sqrt()
+
+
+def _reach_anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
+    """Arms anywhere, targets within 0.2 m."""
+    qpos = rng.uniform(-math.pi, math.pi, (count, 4))
+    qpos[:, 1] = rng.uniform(-2.8, 2.8, count)
+    angle, radius = rng.uniform(0, 2 * math.pi, count), 0.2 * np.sqrt(rng.random(count))
+    qpos[:, 2:] = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    qvel = rng.uniform(-3.0, 3.0, (count, 4))
+    qvel[:, 2:] = 0.0
+    return Starts(qpos, qvel)
+
+
+def _swimmer(scene: Scene) -> Tensor:
+    """Velocity along x of the origin of the first body, m/s: of the state, not the step's mean."""
+    return scene.qvel[:, 0]
+
+
+def _centre_of_mass_velocity(scene: Scene) -> Tensor:
+    """Velocity along x of the centre of mass of three rods of equal mass and 1 m, m/s: the same in the long run."""
+    angle = torch.cumsum(scene.qpos[:, 2:5], dim=1)
+    rate = torch.cumsum(scene.qvel[:, 2:5], dim=1)
+    across = -torch.sin(angle) * rate  # d/dt of cos
+    # Middles: +1 of the first link's axis; 0.5 back and half of the second; and so on (m)
+    first = across[:, 0]
+    second = 0.5 * across[:, 0] - 0.5 * across[:, 1]
+    third = 0.5 * across[:, 0] - across[:, 1] - 0.5 * across[:, 2]
+    return scene.qvel[:, 0] + (first + second + third) / 3
+
+
+def _swim_anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
+    qpos = np.zeros((count, 5))
+    qpos[:, 2] = rng.uniform(-math.pi, math.pi, count)
+    qpos[:, 3:] = rng.uniform(-1.7, 1.7, (count, 2))
+    return Starts(qpos, rng.uniform(-1.0, 1.0, (count, 5)))
+
+
+TASKS: dict[str, Task] = {
+    "InvertedPendulum-v5": Task(
+        _inverted_pendulum, learned=_inverted_pendulum_learned, draw=_near_upright
+    ),
+    "InvertedDoublePendulum-v5": Task(
+        _double_pendulum, learned=_double_pendulum_learned, draw=_near_upright
+    ),
+    "Reacher-v5": Task(_reacher, (1.0, 1.0), draw=_reach_anywhere),
+    "Swimmer-v5": Task(
+        _swimmer, (1e-4, 1e-4), learned=_centre_of_mass_velocity, draw=_swim_anywhere, s_gamma=0.3
+    ),
+}
+"""By the identifier that ``gymnasium.make`` knows."""
