@@ -10,6 +10,7 @@ form                      of what it is made                          who asks f
 :class:`CostForm`         what controls cost                          greedy control, H
 :class:`EnvironmentForm`  an environment in which it is judged        evaluation
 :class:`EpisodeForm`      how long an episode is                      evaluation
+:class:`FilmForm`         a MuJoCo model in motion                    pictures
 :class:`SwimmerForm`      a swimmer in dm_control                     pictures, the viewer
 :class:`TrialsForm`       an environment in which it is learned       TD(lambda) through MuJoCo
 ========================  ==========================================  ==================================================
@@ -19,7 +20,7 @@ Forms state the same problem, and tests hold them equal to its NumPy functions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -39,6 +40,7 @@ __all__ = [
     "Encoding",
     "EnvironmentForm",
     "EpisodeForm",
+    "FilmForm",
     "Judgement",
     "LanesForm",
     "Learner",
@@ -253,6 +255,13 @@ EPISODE = EpisodeForm(EPISODE_DURATION, SETTLING_TIME, DT)
 def episode_of(problem: ControlProblem) -> EpisodeForm:
     """The episodes of an evaluation of ``problem``."""
     return problem.form(EpisodeForm) or EPISODE
+
+
+class FilmForm(NamedTuple):
+    """A MuJoCo model to be drawn."""
+
+    play: Callable[[Policy, float], Iterator[tuple[Any, Any, float]]]
+    """(policy, duration in s): MjModel, MjData and the control timestep (s), at each control of an episode."""
 
 
 class SwimmerForm(NamedTuple):

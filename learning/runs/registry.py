@@ -17,7 +17,7 @@ import types
 from collections.abc import Sequence
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-__all__ = ["METHODS", "PROBLEMS", "find", "from_json", "setting", "to_json", "trust"]
+__all__ = ["METHODS", "PROBLEMS", "find", "from_json", "problem_named", "setting", "to_json", "trust"]
 
 PROBLEMS = {
     "swim": "swimmer_mj.learning.problems.swim:Swimming",
@@ -29,6 +29,13 @@ METHODS = {
     "td": "swimmer_mj.learning.td.method:TemporalDifferences",
     "value-gradient": "swimmer_mj.learning.value_gradient.method:ValueGradients",
 }
+
+
+def problem_named(name: str) -> tuple[str, dict[str, Any]]:
+    """The problem that "dm_control/cartpole/swingup", "gymnasium/Swimmer-v5" or "arm.xml" is, and its options."""
+    if name.startswith(("dm_control/", "gymnasium/")) or name.endswith(".xml"):
+        return "mujoco", {"environment": name}
+    return name, {}
 
 
 def find(name: str, known: dict[str, str], what: str, importing: bool = True) -> type[Any]:

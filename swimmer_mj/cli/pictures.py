@@ -79,7 +79,7 @@ def render_run(
     beside: Sequence[tuple[str, Path]] = (),
 ) -> dict[str, Path]:
     """Draw all there is to see of a run; the backend is chosen before."""
-    from swimmer_mj.learning.problems.forms import SwimmerForm
+    from swimmer_mj.learning.problems.forms import FilmForm, SwimmerForm
     from swimmer_mj.learning.runs.run import LOG, load_policy
     from swimmer_mj.render.figures import save_figure
 
@@ -95,6 +95,13 @@ def render_run(
 
         save_figure(learning_curve(logs, measure="mean reward", units=None), paths["learning_curve"])
         save_figure(episode_plot(record_episode(policy, duration)), paths["episode"])
+        film = config.problem.form(FilmForm)
+        if film is not None:
+            from swimmer_mj.render.model import model_frames
+            from swimmer_mj.render.video import write_video
+
+            paths["video"] = out / "episode.mp4"
+            write_video(paths["video"], model_frames(film.play(policy, duration), fps=fps), fps)
         return paths
 
     from swimmer_mj.render.curves import OPEN_LOOP_SPEED, learning_curve, rollout_plot

@@ -46,6 +46,7 @@ def train(
     links: int | None = None,
     resume: bool = False,
     problem: str = "swim",
+    reward: str | None = None,
     physics: Literal["analytic", "mujoco"] | None = None,
     engine: Literal["fused", "population", "compiled", "torch"] | None = None,
     neurons: int | None = None,
@@ -73,7 +74,10 @@ def train(
         seconds: Stop after this many seconds. Without this and --trials: after 100,000 trials.
         links: Number of links of the swimmer; 5 by default, as in the paper.
         resume: Go on with the run that is in the directory, as it was configured.
-        problem: What to learn: swim, pendulum, cart-pole. One's own is module:Problem (docs/extending.md).
+        problem: What to learn: swim, pendulum, cart-pole; dm_control/DOMAIN/TASK or gymnasium/ID, on MuJoCo; a model
+            of one's own, FILE.xml, with --reward (docs/any-model.md). Another problem is module:Problem
+            (docs/extending.md).
+        reward: Of a MuJoCo model: module:function, a torch function of named things.
         physics: Step the equations themselves (the default), or the dm_control environment on MuJoCo (slower).
         engine: Of td: one compiled learner at a time (fused), up to 16 of them in the lanes of a processor's vectors
             (population), or the readable reference (torch, slow). Of value-gradient: compiled or torch. The fastest
@@ -118,6 +122,7 @@ def train(
     else:
         options: dict[str, Any] = {
             "links": links,
+            "reward": reward,
             "physics": physics,
             "engine": engine,
             "neurons": neurons,
@@ -175,16 +180,18 @@ def configured(problem: str, method: str, options: dict[str, Any], count: int) -
     """``count`` runs of a problem and a method by their names, with the options that belong to either."""
     from swimmer_mj.learning.method import TeamMethod
     from swimmer_mj.learning.runs.config import RunConfig
-    from swimmer_mj.learning.runs.registry import METHODS, PROBLEMS, find
+    from swimmer_mj.learning.runs.registry import METHODS, PROBLEMS, find, problem_named
 
-    kinds = find(problem, PROBLEMS, "problem"), find(method, METHODS, "method")
+    kind, own = problem_named(problem)
+    kinds = find(kind, PROBLEMS, "problem"), find(method, METHODS, "method")
+    options = {**own, **options}
     makers = [getattr(kind, "from_options", kind) for kind in kinds]
     known = [inspect.signature(make).parameters.keys() for make in makers]
     for name in options:
         if not any(name in names for names in known):
             option = "--" + name.replace("_", "-")
             raise ValueError(f"{option} is no option of problem {problem!r}, nor of method {method!r}")
-    if problem in PROBLEMS and "s_gamma" in known[0]:
+    if problem in PROBLEMS and "s_gamma" in known[0] and not own:
         recommended = getattr(kinds[1], "s_gamma", None)
         options = options if recommended is None else {"s_gamma": recommended, **options}
     made_problem, made_method = (
@@ -195,7 +202,10 @@ def configured(problem: str, method: str, options: dict[str, Any], count: int) -
         made_method = made_method.for_seeds(made_problem, count)
     every = getattr(kinds[1], "evaluate_every", None)
     config = RunConfig(made_problem, made_method)
-    return config if every is None else dataclasses.replace(config, evaluate_every=every)
+    config = config if every is None else dataclasses.replace(config, evaluate_every=every)
+    learner = _fields(getattr(made_method, "settings", None)) | _fields(made_method)
+    advice = {name: value for name, value in getattr(made_problem, "advice", {}).items() if name in learner}
+    return _changed(config, [f"{name}={json_module.dumps(value)}" for name, value in advice.items()])
 
 
 def changed(config: RunConfig, settings: Sequence[str]) -> RunConfig:

@@ -187,7 +187,23 @@ class MujocoBatch:
 
         def work(sim: Simulation, readings: Readings, first: int, last: int) -> None:
             kernel.pull_back(
-                fn, sim, co, ac, readings, x, u, dVdx, drdx, rho, l, discount, epsilon, centred, first, last, g
+                fn,
+                sim,
+                co,
+                ac,
+                readings,
+                x,
+                u,
+                dVdx,
+                drdx,
+                rho,
+                l,
+                discount,
+                epsilon,
+                centred,
+                first,
+                last,
+                g,
             )
 
         self._learner.run(work, N, dt)

@@ -51,7 +51,7 @@ class DmControlEpisode:
         self._environment.reset()
         self.model, self.data = physics.model.ptr, physics.data
         self.control_timestep = self._environment.control_timestep()
-        self.steps = round(self._environment._step_limit)  # noqa: SLF001 - it has no other name
+        self.steps = round(self._environment._step_limit)
         self.over = False
 
     def step(self, ctrl: Array) -> float:

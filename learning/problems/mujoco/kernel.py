@@ -4,9 +4,9 @@ A step of the learner's is MuJoCo's: semi-implicit Euler with joint damping take
 integrators. The state, the actuators and what a reward reads are tables of indices and addresses, so that one compiled
 function serves all models.
 
-Derivatives are finite differences of that step, of one scalar: with ``later`` the costate after the step and ``rho`` the
-slope of the reward in what it reads, the gradient in x of later . y(x, u) + rho . readings(x) at held u. A velocity is
-moved without computing positions anew, an activation without computing velocities anew.
+Derivatives are finite differences of that step, of one scalar: with ``later`` the costate after the step and ``rho``
+the slope of the reward in what it reads, the gradient in x of later . y(x, u) + rho . readings(x) at held u. A velocity
+is moved without computing positions anew, an activation without computing velocities anew.
 """
 
 from __future__ import annotations
@@ -424,9 +424,7 @@ def _change(sim: Simulation, co: Coordinates, base: _Base) -> float:
     for k in range(co.quaternion_row.size):
         j = co.quaternion_qpos[k]
         for axis in range(3):  # 2 q0* q is the small turn between them: 4 T(q0)^T q
-            total += (
-                base.of_quaternion[3 * k + axis] * 4 * _to_tangent(base.qpos, j, sim.qpos, j, axis)
-            )
+            total += base.of_quaternion[3 * k + axis] * 4 * _to_tangent(base.qpos, j, sim.qpos, j, axis)
     for k in range(co.velocity_row.size):
         j = co.velocity_dof[k]
         total += base.of_velocity[k] * (sim.qvel[j] - base.qvel[j])
@@ -502,9 +500,7 @@ def _gradient(
                 moved = _advance(fn, sim, readings, NONE, base, False, rho) + _change(sim, co, base)
                 slope += scale * sign * moved
             _set(sim, co, x)
-            _add_from_tangent(
-                sim.qpos, co.quaternion_qpos[k], axis, 4 * slope, out, co.quaternion_row[k]
-            )
+            _add_from_tangent(sim.qpos, co.quaternion_qpos[k], axis, 4 * slope, out, co.quaternion_row[k])
 
 
 @entry_point(**OPTIONS)

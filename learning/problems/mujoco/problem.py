@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -25,7 +25,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.learning.problems.forms import BatchForm, CostForm, Encoding
+from swimmer_mj.learning.problems.forms import (
+    EPISODE,
+    BatchForm,
+    CostForm,
+    Encoding,
+    EpisodeForm,
+    FilmForm,
+    Policy,
+)
 from swimmer_mj.learning.problems.mujoco.actuation import actuation
 from swimmer_mj.learning.problems.mujoco.batched import MujocoBatch, Rate
 from swimmer_mj.learning.problems.mujoco.coordinates import layout
@@ -139,13 +147,18 @@ class MujocoProblem:
         asked = (reward_rate,) if constant else (reward_rate, control_cost)
         self.readings = recorded(model, asked, self.goal_size)  # pyright: ignore[reportArgumentType]
         self._reward, self._cost = reward_rate, control_cost
-        if without is None:
-            without = self._unused()
-        self.layout = layout(model, without, self.goal_size)
-        self.state_size = len(self.layout.names)
+        self._lay_out(() if without is None else without)
         self._check_functions()
+        if without is None:
+            self._lay_out(self._unused())
         self.encoding = self._encoding()
         self.n_inputs = 2 * len(self.encoding.angle) + len(self.encoding.linear)
+
+    def _lay_out(self, without: Sequence[str]) -> None:
+        """Leave out the positions of these joints."""
+        self.layout = layout(self.model, without, self.goal_size)
+        self.state_size = len(self.layout.names)
+        self.__dict__.pop("_single", None)  # which was of another layout
 
     # The reward ----------------------------------------------------------------------------------------------------
 
@@ -162,7 +175,12 @@ class MujocoProblem:
         """c (q,), unless it depends on the state."""
         if callable(self._cost):
             return None
-        return np.zeros(self.control_limits.size) if self._cost is None else np.array(self._cost, dtype=float)
+        if self._cost is None:
+            return np.zeros(self.control_limits.size)
+        cost, q = np.array(self._cost, dtype=np.float64), self.control_limits.size
+        if cost.shape != (q,):
+            raise ValueError(f"control_cost must be one for each of {q} controls, got {self._cost!r}")
+        return cost
 
     def _check_functions(self) -> None:
         x = self.initial_states(np.random.default_rng(0), 3)
@@ -247,6 +265,28 @@ class MujocoProblem:
         ctrl[..., self._actuation.actuator] = self._actuation.middle + u
         return ctrl
 
+    def place(self, data: Any, x: Array) -> None:
+        """Set the state of ``data`` to x (p,)."""
+        co = self.layout.coordinates
+        data.qpos[:] = self._home
+        data.qpos[co.scalar_qpos] = x[co.scalar_row]
+        for row, start in zip(co.quaternion_row, co.quaternion_qpos, strict=True):
+            data.qpos[start : start + 4] = x[row : row + 4]
+        data.qvel[co.velocity_dof] = x[co.velocity_row]
+        data.act[:] = x[co.activation_row]
+
+    def play(self, policy: Policy, duration: float) -> Iterator[tuple[Any, Any, float]]:
+        """(model, data, control timestep) at each control of an episode from the first initial state of seed 0."""
+        data = mujoco.MjData(self.model)
+        self.place(data, self.initial_states(np.random.default_rng(0), 1)[0])
+        dt = self.control_timestep
+        for _ in range(round(duration / dt)):
+            mujoco.mj_forward(self.model, data)
+            yield self.model, data, dt
+            x = self.states(Starts(data.qpos[None], data.qvel[None], None, data.act[None]))[0]
+            data.ctrl[:] = self.ctrl(policy(x))
+            mujoco.mj_step(self.model, data, max(1, round(dt / self.model.opt.timestep)))
+
     def inputs(self, x: Tensor) -> Tensor:
         """cos and sin of angles that turn freely, the rest scaled to order one; (..., m)."""
         e = self.encoding
@@ -265,6 +305,10 @@ class MujocoProblem:
                 batch.targets,
                 batch.reward,
             )
+        if kind is EpisodeForm:
+            return EPISODE._replace(dt=self.control_timestep)  # pyright: ignore[reportReturnType]
+        if kind is FilmForm:
+            return FilmForm(self.play)  # pyright: ignore[reportReturnType]
         if kind is CostForm and self._cost is not None:
             return CostForm(self.control_cost)  # pyright: ignore[reportReturnType]
         return None
@@ -301,8 +345,6 @@ class MujocoProblem:
 
     def _unused(self) -> tuple[str, ...]:
         """Hinges and slides whose positions change neither accelerations, nor control matrix, nor reward."""
-        self.layout = layout(self.model, (), self.goal_size)
-        self.state_size = len(self.layout.names)
         rng = np.random.default_rng(1)
         x = self.initial_states(rng, 16)
 
@@ -326,21 +368,15 @@ class MujocoProblem:
             moved[:, co.scalar_row[k]] += rng.uniform(-3, 3, len(x))
             if (np.abs(all_of(moved) - before) < 1e-7 * scale).all():
                 found.append(self.layout.names[co.scalar_row[k]])
-        del self._single
         return tuple(found)
 
     def constrained_share(self) -> float:
         """The share of states, drawn and reached by random controls, at which a constraint is active."""
         seen = np.concatenate([self.initial_states(np.random.default_rng(0), SAMPLE), self._wanderings()])
         data = mujoco.MjData(self.model)
-        co = self.layout.coordinates
         active = 0
         for x in seen:
-            data.qpos[:] = self._home
-            data.qpos[co.scalar_qpos] = x[co.scalar_row]
-            for row, start in zip(co.quaternion_row, co.quaternion_qpos, strict=True):
-                data.qpos[start : start + 4] = x[row : row + 4]
-            data.qvel[co.velocity_dof] = x[co.velocity_row]
+            self.place(data, x)
             mujoco.mj_forward(self.model, data)
             active += data.nefc > 0
         return active / len(seen)

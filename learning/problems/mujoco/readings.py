@@ -47,7 +47,9 @@ class Scene:
         number = mujoco.mj_name2id(self._model, kind, name)
         if number < 0:
             count = {"joint": "njnt", "site": "nsite", "body": "nbody", "geom": "ngeom", "sensor": "nsensor"}
-            found = (mujoco.mj_id2name(self._model, kind, i) for i in range(getattr(self._model, count[what])))
+            found = (
+                mujoco.mj_id2name(self._model, kind, i) for i in range(getattr(self._model, count[what]))
+            )
             raise ValueError(f"the model has no {what} {name!r}; it has {', '.join(filter(None, found))}")
         return number
 

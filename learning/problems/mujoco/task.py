@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,20 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.learning.problems.forms import EnvironmentForm, EpisodeForm, Policy
+from swimmer_mj.learning.problems.forms import EnvironmentForm, EpisodeForm, FilmForm, Policy
 from swimmer_mj.learning.problems.mujoco.episodes import Episode, known_task, open_episode
 from swimmer_mj.learning.problems.mujoco.problem import MujocoProblem, Starts, load_model
 from swimmer_mj.learning.problems.mujoco.tasks.task import Task
 
-__all__ = ["MujocoTask", "is_mujoco"]
+__all__ = ["MujocoTask"]
 
 Array = NDArray[np.float64]
 Form = TypeVar("Form")
-
-
-def is_mujoco(name: str) -> bool:
-    """Whether a problem's name is one of an environment or of a model."""
-    return name.startswith(("dm_control/", "gymnasium/")) or name.endswith(".xml")
 
 
 def _function(name: str) -> Callable[..., Any]:
@@ -58,14 +53,13 @@ class MujocoTask:
     """For actuators without a ctrlrange."""
 
     def __post_init__(self) -> None:
+        self._first  # noqa: B018 - an environment that does not exist is refused first
         if math.isnan(self.s_gamma):
             object.__setattr__(self, "s_gamma", self.task.s_gamma)
         self.problem  # noqa: B018 - what cannot be learned is refused now
 
     @classmethod
-    def from_options(
-        cls, environment: str, reward: str | None = None, s_gamma: float = math.nan
-    ) -> Self:
+    def from_options(cls, environment: str, reward: str | None = None, s_gamma: float = math.nan) -> Self:
         """The problem by the options of the command line."""
         if environment.endswith(".xml"):
             environment = os.fspath(Path(environment).resolve())
@@ -160,6 +154,8 @@ class MujocoTask:
     def form(self, kind: type[Form]) -> Form | None:
         """As the problem's, and the environment that judges it."""
         first = self._first
+        if kind is FilmForm:
+            return FilmForm(self._play)  # pyright: ignore[reportReturnType]
         if first is not None and kind is EpisodeForm:
             return EpisodeForm(first.steps * first.control_timestep, 0.0, first.control_timestep)  # pyright: ignore
         if first is not None and kind is EnvironmentForm:
@@ -179,6 +175,19 @@ class MujocoTask:
     def _starts(self, count: int) -> Array:
         """The states in which the episodes of seeds 0 .. count - 1 begin."""
         return np.stack([self.state(open_episode(self.environment, seed)) for seed in range(count)])
+
+    def _play(self, policy: Policy, duration: float) -> Iterator[tuple[Any, Any, float]]:
+        """An episode of the environment, or of the model from an initial state."""
+        if self._first is None:
+            yield from self.problem.play(policy, duration)
+            return
+        episode = open_episode(self.environment, 0)
+        for _ in range(round(duration / episode.control_timestep)):
+            data = getattr(episode.data, "ptr", episode.data)
+            yield episode.model, data, episode.control_timestep
+            if episode.over:
+                return
+            episode.step(self.problem.ctrl(policy(self.state(episode))))
 
     def _returns(self, policy: Policy, count: int, workers: int) -> Array:
         """Return of each episode, in the environment as it is; they run side by side."""

@@ -189,16 +189,12 @@ TASKS: dict[str, Task] = {
     "cartpole/two_poles": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere),
     "cartpole/three_poles": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere),
     "point_mass/easy": Task(_point_mass, _point_mass_cost, _point_mass_learned),
-    "reacher/easy": Task(
-        _reacher(0.05), learned=_reacher_learned(0.05), draw=_reach_anywhere, goal=_target
-    ),
+    "reacher/easy": Task(_reacher(0.05), learned=_reacher_learned(0.05), draw=_reach_anywhere, goal=_target),
     "reacher/hard": Task(
         _reacher(0.015), learned=_reacher_learned(0.015), draw=_reach_anywhere, goal=_target
     ),
     "acrobot/swingup": Task(_acrobot, learned=_acrobot_learned, draw=_acrobot_anywhere, s_gamma=0.5),
-    "swimmer/swimmer6": Task(
-        _swimmer, draw=_swim_anywhere, goal=_target, relative=_from_target, s_gamma=0.3
-    ),
+    "swimmer/swimmer6": Task(_swimmer, draw=_swim_anywhere, goal=_target, relative=_from_target, s_gamma=0.3),
     "swimmer/swimmer15": Task(
         _swimmer, draw=_swim_anywhere, goal=_target, relative=_from_target, s_gamma=0.3
     ),

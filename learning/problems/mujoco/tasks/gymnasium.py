@@ -107,12 +107,8 @@ def _swim_anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
 
 
 TASKS: dict[str, Task] = {
-    "InvertedPendulum-v5": Task(
-        _inverted_pendulum, learned=_inverted_pendulum_learned, draw=_near_upright
-    ),
-    "InvertedDoublePendulum-v5": Task(
-        _double_pendulum, learned=_double_pendulum_learned, draw=_near_upright
-    ),
+    "InvertedPendulum-v5": Task(_inverted_pendulum, learned=_inverted_pendulum_learned, draw=_near_upright),
+    "InvertedDoublePendulum-v5": Task(_double_pendulum, learned=_double_pendulum_learned, draw=_near_upright),
     "Reacher-v5": Task(_reacher, (1.0, 1.0), draw=_reach_anywhere),
     "Swimmer-v5": Task(
         _swimmer, (1e-4, 1e-4), learned=_centre_of_mass_velocity, draw=_swim_anywhere, s_gamma=0.3

@@ -183,7 +183,9 @@ def test_steps_and_drift_of_random_trees_are_mujocos():
             assert np.allclose(f[co.activation_row], hand.data.act_dot, rtol=0, atol=1e-9 * scale)
             mujoco.mj_step(hand.model, hand.data)
             assert np.allclose(y[n][co.scalar_row], hand.data.qpos[co.scalar_qpos], rtol=0, atol=1e-12)
-            assert np.allclose(y[n][co.velocity_row], hand.data.qvel[co.velocity_dof], rtol=0, atol=1e-9 * scale)
+            assert np.allclose(
+                y[n][co.velocity_row], hand.data.qvel[co.velocity_dof], rtol=0, atol=1e-9 * scale
+            )
 
 
 # The paper's swimmer ----------------------------------------------------------------------------------------------

@@ -1,0 +1,56 @@
+"""Any MuJoCo model in motion, as MuJoCo draws it."""
+# pyright: reportAttributeAccessIssue=false
+# mujoco takes its names from extension modules that have no stubs.
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from swimmer_mj.render.backend import use_backend
+from swimmer_mj.render.video import Frame
+
+__all__ = ["model_frames"]
+
+
+def model_frames(
+    motion: Iterable[tuple[Any, Any, float]], *, width: int = 640, height: int = 480, fps: int = 30
+) -> Iterator[Frame]:
+    """Draw a moving model in real time, without a screen, from its first camera or, if it has none, from aside.
+
+    Parameters
+    ----------
+    motion : iterable of (MjModel, MjData, float)
+        The model and its data after each step, and how long the step is, s; the data may change in between.
+    width, height : int
+        Size of a frame, pixels.
+    fps : int
+        Frames per second.
+
+    Yields
+    ------
+    ndarray of uint8, shape (height, width, 3)
+    """
+    for name, value in {"width": width, "height": height, "fps": fps}.items():
+        if not value > 0:
+            raise ValueError(f"{name} must be positive, got {value!r}")
+    use_backend()
+    return _draw(motion, width, height, fps)
+
+
+def _draw(motion: Iterable[tuple[Any, Any, float]], width: int, height: int, fps: int) -> Iterator[Frame]:
+    import mujoco  # bound to the backend only now
+
+    renderer, time, drawn = None, 0.0, 0
+    for model, data, step in motion:
+        if renderer is None:
+            model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+            model.vis.quality.offsamples = 0
+            renderer = mujoco.Renderer(model, height, width)
+        while drawn <= time * fps + 1e-9:
+            renderer.update_scene(data, 0 if model.ncam else -1)
+            yield renderer.render()
+            drawn += 1
+        time += step
+    if renderer is not None:
+        renderer.close()

@@ -1,0 +1,220 @@
+"""A MuJoCo model as a control problem: its state, its inputs, what controls cost, and what is refused."""
+
+import mujoco
+import numpy as np
+import pytest
+import torch
+
+from swimmer_mj.learning.networks.networks import Cascade, Multilayer
+from swimmer_mj.learning.networks.policy import GreedyPolicy, greedy_control
+from swimmer_mj.learning.problems.forms import BatchForm, CostForm
+from swimmer_mj.learning.problems.mujoco import MujocoProblem
+from swimmer_mj.learning.td.continuous_td import ContinuousTD
+from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
+from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
+
+ARM = """
+<mujoco>
+  <option timestep="0.01" gravity="0 0 0"><flag contact="disable"/></option>
+  <worldbody>
+    <body name="boat">
+      <joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>
+      <geom size="0.2" mass="2"/>
+      <body name="arm" pos="0.2 0 0">
+        <joint name="elbow" axis="0 0 1" limited="true" range="-100 100" damping="0.1"/>
+        <geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.05" mass="1"/><site name="hand" pos="0.5 0 0"/>
+      </body>
+      <body name="wheel" pos="-0.2 0 0">
+        <joint name="wheel" axis="0 0 1" damping="0.2"/><geom type="box" size="0.2 0.1 0.1" mass="1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="east" joint="x" gear="3" ctrlrange="-1 1"/><motor name="bend" joint="elbow" ctrlrange="-1 1"/>
+  </actuator>
+</mujoco>
+"""
+
+
+def reach(scene):
+    """The hand ahead of the boat in x."""
+    return -(scene.site("hand")[:, 0] - scene.joint("x") - 0.4).square()
+
+
+def test_the_state_leaves_out_what_does_not_matter_and_encodes_what_turns():
+    problem = MujocoProblem(ARM, reach)
+    # The reward sees where the hand is relative to the boat; the wheel is a box, whose angle changes no acceleration.
+    assert problem.layout.names == ("elbow", "x'", "y'", "elbow'", "wheel'")
+    whole = MujocoProblem(ARM, reach, without=())
+    assert whole.layout.names[:4] == ("x", "y", "elbow", "wheel")
+    assert [whole.layout.names[i] for i in whole.encoding.angle] == ["wheel"]  # the elbow is limited
+    assert whole.n_inputs == 9
+    absolute = MujocoProblem(ARM, lambda scene: -scene.site("hand")[:, 0].square())
+    assert absolute.layout.names[0] == "x"
+
+
+def test_inputs_are_those_of_the_compiled_encoding_and_of_order_one():
+    problem = MujocoProblem(ARM, reach, without=())
+    x = problem.initial_states(np.random.default_rng(0), 32)
+    z = problem.inputs(torch.from_numpy(x)).numpy()
+    e = problem.encoding
+    assert np.allclose(z[:, e.cosine], np.cos(x[:, e.angle]))
+    assert np.allclose(z[:, e.sine], np.sin(x[:, e.angle]))
+    assert np.allclose(z[:, e.scaled], x[:, e.linear] * e.scale)
+    assert (0.2 < np.sqrt((z**2).mean(axis=0))).all()
+    assert (np.sqrt((z**2).mean(axis=0)) < 3).all()
+
+
+def test_a_control_that_costs_is_greedy_and_not_bang_bang():
+    """The compiled choice against the formula, and the formula against a search."""
+    problem = MujocoProblem(ARM, reach, control_cost=[0.3, 0.0])
+    rng, N = np.random.default_rng(1), 32
+    x, slope = problem.initial_states(rng, N), rng.normal(size=(N, problem.state_size))
+    u, y = np.empty((2, N)), np.empty((problem.state_size, N))
+    form = problem.form(BatchForm)
+    form.greedy_step(x.T.copy(), slope.T.copy(), np.ones((2, N)), 0.0, u, y)
+    _, B = problem.drift_and_control_matrix(x)
+    cost = problem.form(CostForm).coefficients(x)
+    expected = greedy_control(B, slope, problem.control_limits, cost)
+    assert np.allclose(u.T, expected, rtol=0, atol=1e-12)
+    assert 0 < np.count_nonzero(np.abs(expected[:, 0]) < 1) < N
+    assert (np.abs(expected[:, 1]) == 1).all()
+    tried = np.linspace(-1, 1, 2001)
+    for n in range(N):
+        worth = np.outer(slope[n] @ B[n], tried) - cost[n][:, None] * tried**2
+        assert np.allclose(
+            worth.max(axis=1), (slope[n] @ B[n]) * expected[n] - cost[n] * expected[n] ** 2, atol=1e-5
+        )
+
+
+def test_what_controls_cost_is_in_rewards_and_in_H():
+    free, paid = MujocoProblem(ARM, reach), MujocoProblem(ARM, reach, control_cost=[0.3, 0.1])
+    rng = np.random.default_rng(2)
+    x, u = paid.initial_states(rng, 32), rng.uniform(-1, 1, (32, 2))
+    r = paid.form(BatchForm).reward(x.T.copy(), u.T.copy())
+    assert np.allclose(r, free.reward(x) - u**2 @ [0.3, 0.1])
+    network = Multilayer(paid.n_inputs, (8,), generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    judged = GreedyPolicy(paid, network).judge(x)
+    a, B = paid.drift_and_control_matrix(x)
+    state = torch.from_numpy(x).requires_grad_()
+    V = network(paid.inputs(state))
+    (slope,) = torch.autograd.grad(V.sum(), state)
+    f = a + (B @ judged.control[..., None])[..., 0]
+    H = free.reward(x) - judged.control**2 @ [0.3, 0.1] - V.detach().numpy() + (slope.numpy() * f).sum(axis=1)
+    assert np.allclose(judged.hamiltonian, H)
+
+
+def test_episodes_take_the_models_own_steps_and_count_what_controls_cost():
+    problem = MujocoProblem(ARM, reach, control_cost=[0.3, 0.1], control_timestep=0.02)
+    network = Multilayer(
+        problem.n_inputs, (8,), generator=torch.Generator().manual_seed(3), dtype=torch.float64
+    )
+    policy = GreedyPolicy(problem, network)
+    x = problem.initial_states(np.random.default_rng(4), 3)
+    found = policy.episodes(x, np.full(25, 0.04), 0.02)
+    for start, total in zip(x, found, strict=True):
+        data, expected = mujoco.MjData(problem.model), 0.0
+        problem.place(data, start)
+        for _ in range(25):
+            now = np.concatenate([data.qpos[[2]], data.qvel])
+            u = policy(now)
+            expected += 0.04 * (float(problem.reward(now[None])[0]) - u**2 @ [0.3, 0.1])
+            data.ctrl[:] = problem.ctrl(u)
+            mujoco.mj_step(problem.model, data, 2)
+        assert total == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_both_methods_learn_it(seed):
+    """Value gradients bring the hand where it is asked for; TD(lambda) takes its steps through the same interface."""
+    problem = MujocoProblem(ARM, lambda scene: 10 * reach(scene), control_cost=[0.01, 0.01], threads=1)
+    generator = torch.Generator().manual_seed(seed)
+    learner = ValueGradientLearner(
+        problem,
+        Multilayer(problem.n_inputs, (16, 16), generator=generator),
+        ValueGradientSettings(trajectories=64, steps=20, dt=0.02, minibatch=320, trial_duration=2.0),
+        seed=seed,
+    )
+    assert learner.engine == "compiled"
+    starts = problem.initial_states(np.random.default_rng(9), 32)
+    before = learner.rollout(starts, 5.0, 2.0, dt=0.02).mean()
+    for _ in range(60):
+        learner.step()
+    after = learner.rollout(starts, 5.0, 2.0, dt=0.02).mean()
+    assert after > 0.3 * before  # both are negative; 0 is best
+    td = ContinuousTD(problem, Cascade(problem.n_inputs, 4, generator=generator))
+    td.start_trial()
+    x = starts[0]
+    for _ in range(5):
+        moment = td.learn_at(x)
+        x = problem.step(x[None], moment.control[None], 0.01)[0]
+    assert np.isfinite(x).all()
+
+
+def test_learning_is_the_same_bits_again():
+    def learned():
+        problem = MujocoProblem(ARM, reach, threads=2)
+        network = Multilayer(problem.n_inputs, (8,), generator=torch.Generator().manual_seed(0))
+        settings = ValueGradientSettings(trajectories=32, steps=5, dt=0.02, minibatch=32, trial_duration=1.0)
+        learner = ValueGradientLearner(problem, network, settings)
+        for _ in range(3):
+            learner.step()
+        return torch.cat([w.detach().flatten() for w in network.parameters()])
+
+    assert bool((learned() == learned()).all())
+
+
+def test_warns_where_constraints_are_active():
+    floor = ARM.replace('<flag contact="disable"/>', "").replace('range="-100 100"', 'range="-1 1"')
+    problem = MujocoProblem(floor, reach)
+    with pytest.warns(UserWarning, match=r"constraints .* are active at \d+ % of the states seen"):
+        problem.warn_of_constraints()
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (
+            ('<motor name="east"', '<muscle name="east" lengthrange="-1 1"'),
+            "'east' has a gain of type mjGAIN_MUSCLE",
+        ),
+        (('joint="x" gear="3"', 'joint="x" forcerange="-1 1"'), "'east' has a forcerange"),
+        (
+            ('name="bend" joint="elbow" ctrlrange="-1 1"', 'name="bend" joint="elbow"'),
+            "'bend' has no ctrlrange",
+        ),
+        (
+            ('name="elbow" axis', 'name="elbow" actuatorfrcrange="-1 1" axis'),
+            "'elbow' has an actuatorfrcrange",
+        ),
+        (("<mujoco>", "<mujoko>"), "MuJoCo cannot compile the model"),
+    ],
+)
+def test_refuses_a_model_it_cannot_learn_and_names_what_is_wrong(change, complaint):
+    with pytest.raises(ValueError, match=complaint) as caught:
+        MujocoProblem(ARM.replace(*change), reach)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("reward", "options", "complaint"),
+    [
+        (lambda s: s.site("foot")[:, 0], {}, "the model has no site 'foot'; it has hand"),
+        (lambda s: s.joint("knee"), {}, "the model has no joint 'knee'"),
+        (lambda s: s.qvel, {}, r"reward_rate must have shape \(3,\)"),
+        (lambda s: torch.log(-1 - s.qvel[:, 0] ** 2), {}, "reward_rate is not finite"),
+        (reach, {"control_cost": [-1.0, 0.0]}, "control_cost must not be negative"),
+        (reach, {"control_cost": [1.0]}, "control_cost must be one for each of 2 controls"),
+        (reach, {"without": ["knee"]}, "without names joint 'knee'; the model has x, y, elbow, wheel"),
+        (reach, {"s_gamma": 0.0}, "s_gamma must be positive"),
+        (reach, {"control_limits": [1.0]}, "control_limits must be one for each of 2 controls, got 1"),
+    ],
+)
+def test_refuses_bad_arguments_in_one_line(reward, options, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        MujocoProblem(ARM, reward, **options)
+
+
+def test_a_missing_file_is_named():
+    with pytest.raises(FileNotFoundError, match=r"there is no model nowhere\.xml"):
+        MujocoProblem("nowhere.xml", reach)

@@ -1,0 +1,139 @@
+"""Rewards restated in torch are the environments' own, at random states and controls."""
+
+import numpy as np
+import pytest
+
+from swimmer_mj.learning.problems.forms import EnvironmentForm, EpisodeForm
+from swimmer_mj.learning.problems.mujoco import MujocoProblem, Starts
+from swimmer_mj.learning.problems.mujoco.episodes import known_task, open_episode
+from swimmer_mj.learning.problems.mujoco.task import MujocoTask
+from swimmer_mj.learning.problems.mujoco.tasks import dm_control, gymnasium
+
+COUNT = 1000
+
+
+def restated(environment, model, starts):
+    """The problem that learns the environment's own reward, at these states."""
+    task = known_task(environment)
+
+    def draw(rng, count):
+        return Starts(*(None if part is None else part[:count] for part in starts))
+
+    problem = MujocoProblem(model, task.reward, control_cost=task.cost, draw=draw, without=(), threads=1)
+    return problem, problem.states(starts)
+
+
+@pytest.mark.parametrize("name", dm_control.TASKS)
+def test_dm_control(name):
+    from dm_control import suite
+
+    environment = suite.load(*name.split("/"), task_kwargs={"random": 0})
+    task, physics = known_task(f"dm_control/{name}"), environment.physics
+    rng = np.random.default_rng(0)
+    qpos, qvel, goals, controls, expected = [], [], [], [], []
+    for k in range(COUNT):
+        if k % 10 == 0:
+            environment.reset()
+        with physics.reset_context():
+            spread = 0.02 if k % 3 == 0 else 0.3 if k % 3 == 1 else 3.0  # near what pays, and anywhere
+            physics.data.qpos[:] = (k % 2) * physics.data.qpos + rng.normal(size=physics.model.nq) * spread
+            physics.data.qvel[:] = rng.normal(size=physics.model.nv) * spread * 2
+        physics.set_control(rng.uniform(-1, 1, physics.model.nu))
+        goal = task.goal(physics.model.ptr, physics.data)
+        qpos.append(task.relative(np.array(physics.data.qpos), goal))
+        qvel.append(np.array(physics.data.qvel))
+        goals.append(goal)
+        controls.append(np.array(physics.data.ctrl))
+        expected.append(environment.task.get_reward(physics))
+    kept = None if task.relative is not known_task("dm_control/reacher/easy").relative else np.array(goals)
+    goal = kept if kept is not None and kept.shape[1] else None
+    starts = Starts(np.array(qpos), np.array(qvel), goal)
+    problem, x = restated(f"dm_control/{name}", physics.model.ptr, starts)
+    found = problem.reward(x) - (problem.control_cost(x) * np.array(controls) ** 2).sum(axis=1)
+    assert np.abs(found - expected).max() < 1e-9
+    assert 0 < np.count_nonzero(np.array(expected) > 0.01)
+
+
+@pytest.mark.parametrize("name", gymnasium.TASKS)
+def test_gymnasium(name):
+    import gymnasium as gym
+
+    inner = gym.make(name).unwrapped
+    inner.reset(seed=0)
+    rng, model, data = np.random.default_rng(0), inner.model, inner.data
+    qpos = inner.init_qpos + rng.normal(size=(COUNT, model.nq)) * rng.choice([0.1, 1.0], (COUNT, 1))
+    qvel = rng.normal(size=(COUNT, model.nv))
+    controls = rng.uniform(-1, 1, (COUNT, model.nu))
+    expected = []
+    for q, v, u in zip(qpos, qvel, controls, strict=True):
+        inner.set_state(q, v)
+        if name == "InvertedPendulum-v5":
+            expected.append(float(abs(inner._get_obs()[1]) <= 0.2))
+        elif name == "InvertedDoublePendulum-v5":
+            x, _, y = data.site_xpos[0]
+            expected.append(inner._get_rew(x, y, y <= 1)[0])
+        elif name == "Swimmer-v5":
+            expected.append(inner._get_rew(v[0], u)[0])
+        else:
+            expected.append(inner._get_rew(u)[0])
+    problem, x = restated(f"gymnasium/{name}", model, Starts(qpos, qvel))
+    found = problem.reward(x) - (problem.control_cost(x) * controls**2).sum(axis=1)
+    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+class Still:
+    """A policy that does nothing."""
+
+    def __init__(self, problem):
+        self.problem = problem
+
+    def __call__(self, x):
+        return np.zeros((len(x), len(self.problem.control_limits)))
+
+
+def test_a_return_is_that_of_the_environment_itself():
+    from dm_control import suite
+
+    problem = MujocoTask("dm_control/reacher/easy")
+    duration, skip, dt = problem.form(EpisodeForm)
+    assert (duration, skip, dt) == (20.0, 0.0, 0.02)
+    environment = problem.form(EnvironmentForm)
+    found = environment.evaluate(Still(problem), 3, 1)
+    for seed, value in enumerate(found):
+        by_hand = suite.load("reacher", "easy", task_kwargs={"random": seed})
+        step, total = by_hand.reset(), 0.0
+        assert problem.state(open_episode("dm_control/reacher/easy", seed))[-2:] == pytest.approx(
+            by_hand.physics.named.model.geom_pos["target", :2]
+        )
+        while not step.last():
+            step = by_hand.step(np.zeros(2))
+            total += step.reward
+        assert value == total
+    assert environment.starts(3).shape == (3, problem.state_size)
+
+
+def test_an_episode_that_ends_early_pays_no_more():
+    problem = MujocoTask("gymnasium/InvertedPendulum-v5")
+
+    class Push(Still):
+        def __call__(self, x):
+            return np.full((len(x), 1), 3.0)
+
+    pushed = problem.form(EnvironmentForm).evaluate(Push(problem), 2, 1)
+    assert (pushed < 100).all()
+
+
+@pytest.mark.parametrize(
+    ("environment", "complaint"),
+    [
+        ("dm_control/cartpole/fly", "has no task 'cartpole/fly': domain 'cartpole' has balance"),
+        ("dm_control/cheetah/run", "its reward is not known as a torch function; give --reward"),
+        ("gymnasium/Nothing-v5", "gymnasium has no environment 'Nothing-v5'"),
+        ("gymnasium/CartPole-v1", "gymnasium/CartPole-v1 is no MuJoCo environment"),
+        ("nowhere.xml", "its reward is not known"),
+    ],
+)
+def test_says_in_one_line_what_it_cannot_learn(environment, complaint):
+    with pytest.raises(ValueError, match=complaint) as caught:
+        MujocoTask(environment)
+    assert "\n" not in str(caught.value)
