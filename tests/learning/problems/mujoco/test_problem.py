@@ -132,7 +132,7 @@ def test_both_methods_learn_it(seed):
     learner = ValueGradientLearner(
         problem,
         Multilayer(problem.n_inputs, (16, 16), generator=generator),
-        ValueGradientSettings(trajectories=64, steps=20, dt=0.02, minibatch=320, trial_duration=2.0),
+        ValueGradientSettings(trajectories=64, steps=20, dt=0.02, minibatch=64, trial_duration=2.0),
         seed=seed,
     )
     assert learner.engine == "compiled"
