@@ -140,7 +140,7 @@ def test_batch_form(problem, states, slopes):
     form.greedy_rk4(x, dVdx, turned, 1e-3, u, y)
     by_rk4 = Swimming(problem.parameters, integrator="rk4").step(states, expected_u, 1e-3)
     close(y.T, by_rk4, 1e-8)  # RK4 of the full state is not that of the reduced one
-    close(form.reward(x), problem.reward(states))
+    close(form.reward(x, u), problem.reward(states))
 
 
 def test_a_subclass_with_equations_of_its_own_hands_on_no_form():
