@@ -205,7 +205,7 @@ def configured(problem: str, method: str, options: dict[str, Any], count: int) -
     config = config if every is None else dataclasses.replace(config, evaluate_every=every)
     learner = _fields(getattr(made_method, "settings", None)) | _fields(made_method)
     advice = {name: value for name, value in getattr(made_problem, "advice", {}).items() if name in learner}
-    return _changed(config, [f"{name}={json_module.dumps(value)}" for name, value in advice.items()])
+    return changed(config, [f"{name}={json_module.dumps(value)}" for name, value in advice.items()])
 
 
 def changed(config: RunConfig, settings: Sequence[str]) -> RunConfig:

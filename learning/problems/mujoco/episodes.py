@@ -71,6 +71,10 @@ class GymnasiumEpisode:
             raise ValueError(
                 f"gymnasium/{name} needs Gymnasium: pip install 'swimmer-mj[gymnasium]'"
             ) from error
+        if ":" in name:  # which Gymnasium would take for a module to import
+            raise ValueError(
+                f"gymnasium/{name}: import the module that registers it, and leave it out of the name"
+            )
         try:
             self._environment = gymnasium.make(name)
         except gymnasium.error.Error as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 import os
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,14 +28,19 @@ Form = TypeVar("Form")
 
 
 def _function(name: str) -> Callable[..., Any]:
-    """The function at "module:function"."""
+    """The function at "module:function", of a module that has been imported: what a file names is not run."""
     module, colon, function = name.partition(":")
     if not (module and colon and function):
         raise ValueError(f"reward must be like my_module:reward, got {name!r}")
+    if module not in sys.modules:
+        raise ValueError(
+            f"reward {name!r} is code that does not come with swimmer-mj, and reading a run does not run it; if you "
+            f"trust it, add --trust {module}, in Python import it before"
+        )
     try:
-        return getattr(importlib.import_module(module), function)
-    except (ModuleNotFoundError, AttributeError) as error:
-        raise ValueError(f"reward {name!r}: {error}; is its folder on Python's path?") from error
+        return getattr(sys.modules[module], function)
+    except AttributeError as error:
+        raise ValueError(f"reward {name!r}: {error}") from error
 
 
 @dataclass(frozen=True)
@@ -61,6 +67,12 @@ class MujocoTask:
     @classmethod
     def from_options(cls, environment: str, reward: str | None = None, s_gamma: float = math.nan) -> Self:
         """The problem by the options of the command line."""
+        if reward is not None:  # what is typed is meant to be run
+            module = reward.partition(":")[0]
+            try:
+                importlib.import_module(module)
+            except (ImportError, ValueError) as error:
+                raise ValueError(f"--reward {reward!r}: {error}; is its folder on Python's path?") from error
         if environment.endswith(".xml"):
             environment = os.fspath(Path(environment).resolve())
         return cls(environment, reward, s_gamma=s_gamma)
