@@ -96,9 +96,14 @@ def layout(model: Any, without: Sequence[str] = (), goal_size: int = 0) -> Layou
 
     return Layout(
         Coordinates(
-            *(column(scalars, k) for k in range(3)),
-            *(column(quaternions, k) for k in range(3)),
-            *(column(velocities, k) for k in range(2)),
+            column(scalars, 0),
+            column(scalars, 1),
+            column(scalars, 2),
+            column(quaternions, 0),
+            column(quaternions, 1),
+            column(quaternions, 2),
+            column(velocities, 0),
+            column(velocities, 1),
             np.array(activations, dtype=np.int64),
             np.array(goals, dtype=np.int64),
         ),

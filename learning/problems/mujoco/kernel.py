@@ -9,6 +9,9 @@ the slope of the reward in what it reads, the gradient in x of later . y(x, u) +
 is moved without computing positions anew, an activation without computing velocities anew.
 """
 
+# pyright: reportCallIssue=false, reportArgumentType=false
+# numba gives its intrinsics their first argument, the typing context, itself.
+
 from __future__ import annotations
 
 from typing import Any, NamedTuple

@@ -409,7 +409,8 @@ def _anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
             q = rng.normal(size=(count, 4))
             qpos[:, at : at + 4] = q / np.linalg.norm(q, axis=1, keepdims=True)
         elif model.jnt_limited[j]:
-            qpos[:, at] = rng.uniform(*model.jnt_range[j], count)
+            low, high = model.jnt_range[j]
+            qpos[:, at] = rng.uniform(low, high, count)
         elif kind == mujoco.mjtJoint.mjJNT_HINGE:
             qpos[:, at] = rng.uniform(-np.pi, np.pi, count)
         else:

@@ -126,7 +126,8 @@ def _target(model: Any, data: Any) -> Array:
 def _reach_anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
     """The suite's law, with some velocity."""
     qpos = rng.uniform(-math.pi, math.pi, (count, 2))
-    qpos[:, 1] = rng.uniform(*model.jnt_range[1], count)
+    low, high = model.jnt_range[1]
+    qpos[:, 1] = rng.uniform(low, high, count)
     angle, radius = rng.uniform(0, 2 * math.pi, count), rng.uniform(0.05, 0.20, count)
     goal = np.stack([radius * np.sin(angle), radius * np.cos(angle)], axis=1)
     return Starts(qpos, rng.uniform(-3.0, 3.0, (count, 2)), goal)
@@ -177,7 +178,8 @@ def _swim_anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
     qpos = np.empty((count, model.nq))
     qpos[:, :2] = rng.uniform(-1, 1, (count, 2)) * box
     qpos[:, 2] = rng.uniform(-math.pi, math.pi, count)
-    qpos[:, 3:] = rng.uniform(*model.jnt_range[3:].T, (count, model.nq - 3))
+    low, high = model.jnt_range[3:].T
+    qpos[:, 3:] = rng.uniform(low, high, (count, model.nq - 3))
     qvel = rng.uniform(-1, 1, (count, model.nv)) * np.where(np.arange(model.nv) < 2, 0.3, 1.0)
     return Starts(qpos, qvel)
 
