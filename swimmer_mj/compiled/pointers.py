@@ -106,22 +106,22 @@ def store_vector(typing_context: Any, address: Any, i: Any, length: Any, vector:
 
 @intrinsic
 def call(typing_context: Any, result: Any, address: Any, arguments: Any) -> Any:
-    """Call a C function at an address with a tuple of pointers and addresses.
+    """Call a C function at an address with a tuple of pointers, addresses and int32s, which stand for C's ints.
 
     ``result`` is the type of what it returns, a class of NumPy's, or None if it returns nothing.
     """
     returned = types.void if isinstance(result, types.NoneType) else result.dtype
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        pointers = [
-            builder.inttoptr(a, cgutils.voidptr_t)
-            if isinstance(a.type, ir.IntType)
-            else builder.bitcast(a, cgutils.voidptr_t)
-            for a in cgutils.unpack_tuple(builder, args[2])
-        ]
+        def passed(a: Any) -> Any:
+            if isinstance(a.type, ir.IntType):
+                return a if a.type.width == 32 else builder.inttoptr(a, cgutils.voidptr_t)
+            return builder.bitcast(a, cgutils.voidptr_t)
+
+        values = [passed(a) for a in cgutils.unpack_tuple(builder, args[2])]
         kind = ir.VoidType() if returned == types.void else context.get_value_type(returned)
-        function = ir.FunctionType(kind, [cgutils.voidptr_t] * len(pointers))
-        value = builder.call(builder.inttoptr(args[1], function.as_pointer()), pointers)
+        function = ir.FunctionType(kind, [value.type for value in values])
+        value = builder.call(builder.inttoptr(args[1], function.as_pointer()), values)
         return context.get_dummy_value() if returned == types.void else value
 
     return returned(result, types.int64, arguments), codegen

@@ -21,7 +21,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from swimmer_mj.compiled.cache import entry_point
-from swimmer_mj.compiled.foreign import call, peek
+from swimmer_mj.compiled.pointers import call, load
 from swimmer_mj.learning.problems.mujoco.coordinates import Coordinates
 from swimmer_mj.learning.problems.mujoco.library import Functions
 
@@ -176,13 +176,13 @@ def _rest(sim: Simulation, ac: Actuation) -> None:
 
 @njit(**OPTIONS)
 def _forward(fn: Functions, sim: Simulation, skip: int, skip_sensors: int) -> None:
-    call(fn.forward_skip, (sim.model, sim.data, np.int32(skip), np.int32(skip_sensors)))
+    call(None, fn.forward_skip, (sim.model, sim.data, np.int32(skip), np.int32(skip_sensors)))
 
 
 @njit(**OPTIONS)
 def _solve(fn: Functions, sim: Simulation, y: Array, x: Array, count: int) -> None:
     """Rows of x := M^-1 rows of y."""
-    call(fn.solve_m, (sim.model, sim.data, x.ctypes.data, y.ctypes.data, np.int32(count)))
+    call(None, fn.solve_m, (sim.model, sim.data, x.ctypes.data, y.ctypes.data, np.int32(count)))
 
 
 @njit(**OPTIONS)
@@ -243,7 +243,7 @@ def step(
         for k in range(u.shape[0]):
             _hold(sim, ac, k, u[k, n])
         _forward(fn, sim, NONE, 1)
-        call(fn.integrate, (sim.model, sim.data))
+        call(None, fn.integrate, (sim.model, sim.data))
         _get(sim, co, now)
         y[:, n] = now
 
@@ -282,7 +282,7 @@ def greedy_step(
             _hold(sim, ac, k, u[k, n])
         if integrate:
             _forward(fn, sim, VELOCITY, 1)
-            call(fn.integrate, (sim.model, sim.data))
+            call(None, fn.integrate, (sim.model, sim.data))
             _get(sim, co, now)
             y[:, n] = now
 
@@ -317,7 +317,7 @@ def greedy_act(
             u[k, n] = chosen[k] * flips[k, n]
             _hold(sim, ac, k, u[k, n])
         for _ in range(steps):
-            call(fn.step, (sim.model, sim.data))
+            call(None, fn.step, (sim.model, sim.data))
         _get(sim, co, now)
         y[:, n] = now
 
@@ -340,7 +340,7 @@ def read(
         _set(sim, co, now)
         _forward(fn, sim, NONE, readings.skip_sensors)
         for k in range(readings.address.size):
-            out[k, n] = peek(readings.address[k])
+            out[k, n] = load(np.float64, readings.address[k], 0, 1)
 
 
 @entry_point(**OPTIONS)
@@ -408,12 +408,12 @@ def _advance(
     _forward(fn, sim, skip, readings.skip_sensors)
     total = 0.0
     for k in range(readings.address.size):
-        value = peek(readings.address[k])
+        value = load(np.float64, readings.address[k], 0, 1)
         if keep:
             base.readings[k] = value
         else:
             total += rho[k] * (value - base.readings[k])
-    call(fn.integrate, (sim.model, sim.data))
+    call(None, fn.integrate, (sim.model, sim.data))
     return total
 
 
