@@ -12,6 +12,7 @@ constraint becomes active. A warning says at which share of states one is.
 # (MuJoCo's bindings carry no types.)
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -129,8 +130,10 @@ class MujocoProblem:
         control_limits: Sequence[float] | None = None,
         threads: int | None = None,
     ) -> None:
-        if not s_gamma > 0:
-            raise ValueError(f"s_gamma must be positive, got {s_gamma!r}")
+        if not 0 < s_gamma < math.inf:
+            raise ValueError(f"s_gamma must be positive and finite, got {s_gamma!r}")
+        if threads is not None and threads < 1:
+            raise ValueError(f"threads must be at least 1, got {threads!r}")
         self.name, self.s_gamma = name, s_gamma
         self.model = model = own_model(load_model(model))
         self.control_timestep = model.opt.timestep if control_timestep is None else control_timestep

@@ -57,6 +57,8 @@ class MujocoTask:
     """Shortness factor, 1/s; not given, what is known to learn the task, or 1."""
     limits: tuple[float, ...] | None = None
     """For actuators without a ctrlrange."""
+    threads: int | None = None
+    """All cores by default; what is learned does not depend on it."""
 
     def __post_init__(self) -> None:
         self._first  # noqa: B018 - an environment that does not exist is refused first
@@ -114,6 +116,7 @@ class MujocoTask:
             s_gamma=self.s_gamma,
             control_timestep=None if first is None else first.control_timestep,
             control_limits=self.limits,
+            threads=self.threads,
         )
 
     # ControlProblem ------------------------------------------------------------------------------------------------

@@ -1,0 +1,109 @@
+"""How well are tasks of dm_control and Gymnasium learned on MuJoCo's own derivatives, and how fast?
+
+    python benchmarks/any_model.py [--tasks dm_control/cartpole/swingup ...] [--seeds 100 101 ...] [--seconds 300]
+
+adds to benchmarks/results/any-model.csv, a row a look: value gradients with the settings that ``swimmer-mj train
+--method value-gradient --problem TASK`` has, one learner on one core, judged by the return of ten episodes of the
+unmodified environment. A seed that is there already is not learned again; compilation and looks are not counted. Needs
+the extra ``gymnasium``. The seeds from 100 on were used for nothing else.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+import tyro
+from rich.console import Console
+from yardstick import Clock
+
+from swimmer_mj.cli.training import configured
+from swimmer_mj.learning.networks.policy import GreedyPolicy
+from swimmer_mj.learning.problems.forms import EnvironmentForm
+from swimmer_mj.learning.problems.mujoco.task import MujocoTask
+from swimmer_mj.learning.problems.mujoco.tasks import dm_control, gymnasium
+from swimmer_mj.learning.value_gradient.method import ValueGradients
+
+OUT = Path(__file__).parent / "results" / "any-model.csv"
+TASKS = (
+    *(f"dm_control/{name}" for name in dm_control.TASKS),
+    *(f"gymnasium/{name}" for name in gymnasium.TASKS),
+)
+COLUMNS = (
+    "task",
+    "seed",
+    "cpu_seconds",
+    "simulation_steps",
+    "return_mean",
+    "return_min",
+    "return_max",
+)
+EPISODES = 10
+FIRST_LOOK, GROWTH = 5.0, 1.5  # s, and of the time from look to look
+
+
+def learn(task: str, seed: int, seconds: float, console: Console) -> list[tuple[str | int, ...]]:
+    """A row for each look at one learner."""
+    config = configured(task, "value-gradient", {}, 1)
+    method = config.method
+    assert isinstance(method, ValueGradients)
+    problem = MujocoTask(task, threads=1)
+    environment = problem.form(EnvironmentForm)
+    assert environment is not None
+    learning = method.start(problem, seed)
+    learner = learning.learner
+    learner.step()  # compiles
+    rows, look, clock = [], FIRST_LOOK, Clock()
+    while True:
+        learner.step()
+        processor, _ = clock.read()
+        if processor < look:
+            continue
+        clock.stop()
+        returns = environment.evaluate(GreedyPolicy(problem, learner.averaged_network()), EPISODES, 1)
+        numbers = (f"{value:.4f}" for value in (returns.mean(), returns.min(), returns.max()))
+        rows.append((task, seed, f"{processor:.1f}", learner.simulation_steps, *numbers))
+        console.print(*rows[-1])
+        if processor >= seconds:
+            return rows
+        look = min(look * GROWTH, seconds)
+        clock.start()
+
+
+def main(
+    tasks: tuple[str, ...] = TASKS,
+    seeds: Sequence[int] = tuple(range(100, 110)),
+    seconds: float = 300.0,
+    out: Path = OUT,
+) -> None:
+    """Learn each task with each seed.
+
+    Args:
+        tasks: Which, by name.
+        seeds: Of the learners.
+        seconds: Processor time of each.
+        out: The table that rows are added to.
+    """
+    os.environ.setdefault("MUJOCO_GL", "osmesa")
+    torch.set_num_threads(1)
+    console = Console(highlight=False)
+    if not out.exists():
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(",".join(COLUMNS) + "\n")
+    for seed in seeds:
+        for task in tasks:
+            with out.open(newline="") as file:
+                if any(row["task"] == task and int(row["seed"]) == seed for row in csv.DictReader(file)):
+                    continue
+            rows = learn(task, seed, seconds, console)
+            with out.open("a", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows(rows)
+
+
+if __name__ == "__main__":
+    np.seterr(all="warn")
+    tyro.cli(main)
