@@ -108,7 +108,7 @@ def read_jobs(path: Path) -> tuple[list[Job], int]:
         raise FileNotFoundError(f"there is no file {path}")
     try:
         asked = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(f"{path} is not TOML: {error}") from None
     try:
         return _jobs(asked)
