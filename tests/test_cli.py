@@ -294,7 +294,7 @@ def test_info(capsys, trained):
     status, out, _ = run(capsys, "info", "--json")
     assert status == 0
     assert json.loads(out)["tasks"] == ["swim3", "swim4", "swim5", "steer3", "steer4", "steer5"]
-    assert json.loads(out)["problems"] == ["swim", "pendulum", "cart-pole"]
+    assert json.loads(out)["problems"] == ["swim", "pendulum", "cart-pole", "mujoco"]
     assert json.loads(out)["methods"] == ["td", "value-gradient"]
     status, out, _ = run(capsys, "info", trained, "--json")
     assert status == 0

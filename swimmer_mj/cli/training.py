@@ -154,6 +154,9 @@ def train(
     if trials is None and seconds is None:
         trials = 100_000
     console = make_console(json)
+    caution = getattr(runs[0].problem, "caution", None)
+    if caution is not None and not resume and (line := caution()):
+        print_line(console, line)
     train_runs(console, runs, trials=trials, seconds=seconds, on_divergence=on_divergence)
     results = [
         {
@@ -211,33 +214,42 @@ def configured(problem: str, method: str, options: dict[str, Any], count: int) -
 def changed(config: RunConfig, settings: Sequence[str]) -> RunConfig:
     """``config`` with fields of its problem, of its method or of the method's ``settings`` as "name=value" says."""
     problem, method = config.problem, config.method
+    learner = getattr(method, "settings", None)
+    of_problem: dict[str, Any] = {}
+    of_method: dict[str, Any] = {}
+    of_learner: dict[str, Any] = {}
     for text in settings:
         name, equals, value = text.partition("=")
         if not equals:
             raise ValueError(f"--set must be like mass=2, got {text!r}")
         with contextlib.suppress(ValueError, RecursionError):  # else it is a string
             value = json_module.loads(value)
-        learner = getattr(method, "settings", None)
-        if name in _fields(problem):
-            problem = _replaced(problem, name, value)
-        elif name in _fields(method):
-            method = _replaced(method, name, value)
-        elif name in _fields(learner):
-            method = dataclasses.replace(method, settings=_replaced(learner, name, value))  # pyright: ignore
+        for thing, change in ((problem, of_problem), (method, of_method), (learner, of_learner)):
+            if name in _fields(thing):
+                change[name] = value
+                break
         else:
             known = sorted({*_fields(problem), *_fields(method), *_fields(learner)})
             raise ValueError(f"--set: there is no setting {name!r}; there are {', '.join(known)}")
-    return dataclasses.replace(config, problem=problem, method=method)
+    if of_learner:
+        method = dataclasses.replace(method, settings=_replaced(learner, of_learner))  # pyright: ignore
+    return dataclasses.replace(
+        config, problem=_replaced(problem, of_problem), method=_replaced(method, of_method)
+    )
 
 
-def _replaced(thing: Any, name: str, value: Any) -> Any:
-    """``thing`` with another value of the field ``name``."""
+def _replaced(thing: Any, change: dict[str, Any]) -> Any:
+    """``thing`` with other values of some fields, all at once: one may ask for another."""
     from swimmer_mj.learning.runs.registry import setting
 
+    if not change:
+        return thing
     try:
-        return dataclasses.replace(thing, **{name: setting(type(thing), name, value)})
+        return dataclasses.replace(
+            thing, **{name: setting(type(thing), name, value) for name, value in change.items()}
+        )
     except (TypeError, OverflowError) as error:
-        raise ValueError(f"--set {name}: {error}") from error
+        raise ValueError(f"--set {', '.join(change)}: {error}") from error
 
 
 def _fields(thing: Any) -> set[str]:

@@ -5,7 +5,7 @@ Give a model, a reward as a torch function of named things, and learn::
     problem = MujocoProblem("arm.xml", lambda scene: -scene.site("hand").norm(dim=1))
 
 The model must be smooth: what contacts, friction and joint limits do is computed, but its derivatives jump where a
-constraint becomes active. A warning says at which share of states one is.
+constraint becomes active. :meth:`MujocoProblem.caution` says at which share of states one is.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, partial
 from pathlib import Path
@@ -384,15 +383,15 @@ class MujocoProblem:
             active += data.nefc > 0
         return active / len(seen)
 
-    def warn_of_constraints(self) -> None:
-        """One line, if a constraint is active at some of the states seen."""
+    def caution(self) -> str | None:
+        """One line, if a constraint is active at some of the states seen; None if none is."""
         share = self.constrained_share()
-        if share > 0:
-            warnings.warn(
-                f"{self.name}: constraints (contacts, joint limits, equalities, dry friction) are active at "
-                f"{100 * share:.0f} % of the states seen; there the model is not smooth, and gradients may mislead",
-                stacklevel=2,
-            )
+        if share == 0:
+            return None
+        return (
+            f"{self.name}: constraints (contacts, joint limits, equalities, dry friction) are active at "
+            f"{100 * share:.0f} % of the states seen; there the model is not smooth, and gradients may mislead"
+        )
 
 
 def _declares_friction(model: Any) -> bool:

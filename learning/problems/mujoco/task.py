@@ -67,8 +67,14 @@ class MujocoTask:
         self.problem  # noqa: B018 - what cannot be learned is refused now
 
     @classmethod
-    def from_options(cls, environment: str, reward: str | None = None, s_gamma: float = math.nan) -> Self:
+    def from_options(
+        cls, environment: str = "", reward: str | None = None, s_gamma: float = math.nan
+    ) -> Self:
         """The problem by the options of the command line."""
+        if not environment:
+            raise ValueError(
+                "problem must name a model: dm_control/DOMAIN/TASK, gymnasium/ID or FILE.xml; got 'mujoco'"
+            )
         if reward is not None:  # what is typed is meant to be run
             module = reward.partition(":")[0]
             try:
@@ -130,6 +136,10 @@ class MujocoTask:
     def advice(self) -> Mapping[str, Any]:
         """Settings of value gradients that are known to learn it."""
         return self.task.advice
+
+    def caution(self) -> str | None:
+        """One line, if the model is not smooth at some of the states seen."""
+        return self.problem.caution()
 
     @property
     def state_size(self) -> int:

@@ -71,7 +71,7 @@ def test_a_class_of_ones_own_is_named_by_its_place():
         ({"schema": 3}, "schema must be 2, got 3: written by a newer version"),
         (
             {"problem": {"name": "fly"}},
-            "problem must be one of swim, pendulum, cart-pole, or module:Class; got 'fly'",
+            "problem must be one of swim, pendulum, cart-pole, mujoco, or module:Class; got 'fly'",
         ),
         ({"problem": {"name": "pendulum", "wings": 2}}, "Pendulum has no setting 'wings'"),
         ({"problem": {"name": "pendulum", "mass": -1.0}}, "mass must be positive and finite, got -1.0"),
@@ -168,8 +168,10 @@ def test_a_policy_of_version_0_1_judges_as_it_did(name):
     assert V.mean() == pytest.approx(info["mean_value"], rel=1e-4, abs=1e-7)
 
 
-def test_pretrained_policies_are_of_version_0_1():
+def test_pretrained_policies_are_read_those_of_version_0_1_too():
+    old = 0
     for name in pretrained_names():
         directory = pretrained_directory(name)
-        assert "schema" not in json.loads((directory / "config.json").read_text())
+        old += "schema" not in json.loads((directory / "config.json").read_text())
         assert read_config(directory).problem.name == name.split("-")[0]
+    assert old == 6

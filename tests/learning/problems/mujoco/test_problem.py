@@ -1,5 +1,7 @@
 """A MuJoCo model as a control problem: its state, its inputs, what controls cost, and what is refused."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -166,9 +168,10 @@ def test_learning_is_the_same_bits_again():
 
 def test_warns_where_constraints_are_active():
     floor = ARM.replace('<flag contact="disable"/>', "").replace('range="-100 100"', 'range="-1 1"')
-    problem = MujocoProblem(floor, reach)
-    with pytest.warns(UserWarning, match=r"constraints .* are active at \d+ % of the states seen"):
-        problem.warn_of_constraints()
+    said = MujocoProblem(floor, reach).caution()
+    assert re.search(r"constraints .* are active at \d+ % of the states seen", said)
+    free = ARM.replace('limited="true" range="-100 100"', 'limited="false"')
+    assert MujocoProblem(free, reach).caution() is None
 
 
 @pytest.mark.parametrize(

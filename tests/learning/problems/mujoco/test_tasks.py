@@ -1,5 +1,7 @@
 """Rewards restated in torch are the environments' own, at random states and controls."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -137,3 +139,35 @@ def test_says_in_one_line_what_it_cannot_learn(environment, complaint):
     with pytest.raises(ValueError, match=complaint) as caught:
         MujocoTask(environment)
     assert "\n" not in str(caught.value)
+
+
+def test_the_commands_learn_judge_draw_and_go_on(tmp_path, monkeypatch, capsys):
+    """A model of one's own and a task, by the ordinary commands."""
+    from swimmer_mj.cli import main
+
+    (tmp_path / "pole.xml").write_text(
+        '<mujoco><option timestep="0.02"/><worldbody><body><joint name="hinge" axis="0 1 0" damping="0.1"/>'
+        '<geom type="capsule" fromto="0 0 0 0 0 0.5" size="0.05"/></body></worldbody>'
+        '<actuator><motor joint="hinge" ctrlrange="-1 1"/></actuator></mujoco>'
+    )
+    (tmp_path / "pole_reward.py").write_text(
+        "import torch\n\n\ndef reward(scene):\n    return torch.cos(scene.joint('hinge'))\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    small = ["--method", "value-gradient", "--trials", "8", "--evaluate-every", "4"]
+    small += ["--set", "trajectories=32", "steps=10", "minibatch=32", "dt=0.02"]
+    own = ["--problem", "pole.xml", "--reward", "pole_reward:reward"]
+    assert main(["train", "--out", "own", *own, *small]) == 0
+    assert main(["train", "--out", "task", "--problem", "dm_control/pendulum/swingup", *small]) == 0
+    assert main(["train", "--out", "task", "--resume", "--trials", "12"]) == 0
+    capsys.readouterr()
+    assert main(["evaluate", "task", "--episodes", "2", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert 0 <= found["return_mean"] <= 1000
+    assert found["n_episodes"] == 2
+    assert main(["evaluate", "own", "--episodes", "2"]) == 0
+    assert main(["render", "task", "--duration", "1"]) == 0
+    assert (tmp_path / "task" / "episode.mp4").stat().st_size > 1000
+    assert main(["train", "--out", "never", "--problem", "mujoco"]) == 2
+    assert "problem must name a model" in capsys.readouterr().err
