@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol, TypeVar
+from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.learning.problems.forms import Field, TorchForm
+from swimmer_mj.learning.problems.forms import EPISODE, EpisodeForm, Field, TorchForm
 from swimmer_mj.learning.problems.problem import ControlProblem, step_by_euler
 from swimmer_mj.learning.problems.settings import require_positive
 
@@ -36,6 +36,8 @@ class _Equations(Protocol):
     def limits(self) -> tuple[float, ...]: ...
     @property
     def s_gamma(self) -> float: ...
+    @property
+    def episode(self) -> EpisodeForm: ...
     def drift(self, x: Tensor, /) -> Tensor: ...
     def control_matrix(self, x: Tensor, /) -> Tensor: ...
     def reward_rate(self, x: Tensor, /) -> Tensor: ...
@@ -50,8 +52,11 @@ class TorchProblem:
     ``drift``, (N, p) -> (N, p), ``control_matrix``, (N, p) -> (N, p, q), and ``reward_rate``, (N, p) -> (N,); and
     ``draw``, the law of initial states: (generator, count) -> (count, p), from which p is read. ``encode`` gives the
     network's inputs, (N, p) -> (N, m): the state itself, unless it is overridden, for instance by cos and sin of an
-    angle. V does not depend on a state variable that is left out there: its slope is 0 and is not learned.
+    angle. V does not depend on a state variable that is left out there: its slope is 0 and is not learned. ``episode``
+    says over how long what was learned is judged, and for how long a control is held there.
     """
+
+    episode: ClassVar[EpisodeForm] = EPISODE
 
     def encode(self, x: Tensor, /) -> Tensor:
         """The network's inputs, (N, m)."""
@@ -121,9 +126,11 @@ class TorchProblem:
         return z.reshape(*x.shape[:-1], z.shape[-1])
 
     def form(self: _Equations, kind: type[Form]) -> Form | None:
-        """The equations in torch; no other form."""
+        """The equations in torch, and how they are judged; no other form."""
         if kind is TorchForm:
             return TorchForm(self.drift, self.control_matrix, self.reward_rate)  # pyright: ignore[reportReturnType]
+        if kind is EpisodeForm:
+            return self.episode  # pyright: ignore[reportReturnType]
         return None
 
 
