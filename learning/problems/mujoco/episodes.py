@@ -33,6 +33,10 @@ class Episode(Protocol):
         """The environment's own reward of a step."""
         ...
 
+    def restart(self) -> None:
+        """Begin another episode, with the random numbers that follow."""
+        ...
+
 
 class DmControlEpisode:
     """An episode of dm_control.suite."""
@@ -59,6 +63,11 @@ class DmControlEpisode:
         after = self._environment.step(ctrl)
         self.over = after.last()
         return float(after.reward)
+
+    def restart(self) -> None:
+        """Begin another episode, with the random numbers that follow."""
+        self._environment.reset()
+        self.over = False
 
 
 class GymnasiumEpisode:
@@ -94,6 +103,11 @@ class GymnasiumEpisode:
         _, reward, terminated, truncated, _ = self._environment.step(ctrl)
         self.over = terminated or truncated
         return float(reward)
+
+    def restart(self) -> None:
+        """Begin another episode, with the random numbers that follow."""
+        self._environment.reset()
+        self.over = False
 
 
 def open_episode(environment: str, seed: int) -> Episode:

@@ -32,10 +32,15 @@ def own_model(model: Any) -> Any:
 
 
 def learners_model(model: Any) -> Any:
-    """:func:`own_model`, to be stepped by Euler's method if it was by Runge and Kutta's."""
-    own = own_model(model)
-    if own.opt.integrator == int(mujoco.mjtIntegrator.mjINT_RK4):
-        own.opt.integrator = int(mujoco.mjtIntegrator.mjINT_EULER)
+    """:func:`own_model`, to be stepped by Euler's method if it was by Runge and Kutta's, implicitly in a fluid.
+
+    A fluid's drag is stiff on a light link: explicit steps are stable only if they are far shorter than a control's.
+    """
+    own, kinds = own_model(model), mujoco.mjtIntegrator
+    explicit = own.opt.integrator in (int(kinds.mjINT_RK4), int(kinds.mjINT_EULER))
+    if explicit:
+        fluid = own.opt.density > 0 or own.opt.viscosity > 0
+        own.opt.integrator = int(kinds.mjINT_IMPLICITFAST if fluid else kinds.mjINT_EULER)
     return own
 
 

@@ -6,7 +6,7 @@ import importlib
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +25,21 @@ __all__ = ["MujocoTask"]
 
 Array = NDArray[np.float64]
 Form = TypeVar("Form")
+
+ADVICE = {
+    "s_lambda": 5.0,
+    "value_weight": 10.0,
+    "trajectories": 256,
+    "minibatch": 256,
+    "passes": 2,
+    "half_life": 60.0,
+}
+"""Settings of value gradients where nothing better is known: docs/any-model.md says why not those of a swimmer."""
+BEGINNING_SEED = 2**31 - 1
+BEGINNINGS = 128
+"""States in which the environment begins, as they are drawn again and again."""
+THEIR_SHARE = 0.3
+"""Of the initial states that are learned from: elsewhere would be learned, and the way there not."""
 
 
 def _function(name: str) -> Callable[..., Any]:
@@ -134,8 +149,8 @@ class MujocoTask:
 
     @property
     def advice(self) -> Mapping[str, Any]:
-        """Settings of value gradients that are known to learn it."""
-        return self.task.advice
+        """Settings of value gradients that are known to learn it, or such tasks."""
+        return {"dt": self.problem.control_timestep, **ADVICE, **self.task.advice}
 
     def caution(self) -> str | None:
         """One line, if the model is not smooth at some of the states seen."""
@@ -169,8 +184,12 @@ class MujocoTask:
         return self.problem.step(x, u, dt)
 
     def initial_states(self, rng: np.random.Generator, count: int) -> Array:
-        """``count`` draws, shape (count, p)."""
-        return self.problem.initial_states(rng, count)
+        """``count`` draws, shape (count, p): of the problem's law, and a share as the environment begins."""
+        x = self.problem.initial_states(rng, count)
+        if self._first is not None:
+            own = np.flatnonzero(rng.random(count) < THEIR_SHARE)
+            x[own] = self._beginnings[rng.integers(BEGINNINGS, size=own.size)]
+        return x
 
     def inputs(self, x: Tensor) -> Tensor:
         """The network's inputs, (..., m)."""
@@ -197,6 +216,15 @@ class MujocoTask:
         known = goal[None] if self.problem.goal_size else None
         return self.problem.states(Starts(qpos[None], np.array(episode.data.qvel)[None], known, act))[0]
 
+    @cached_property
+    def _beginnings(self) -> Array:
+        """States in which episodes begin, shape (BEGINNINGS, p); no episode that is judged is one of theirs."""
+        episode, found = open_episode(self.environment, BEGINNING_SEED), []
+        for _ in range(BEGINNINGS):
+            found.append(self.state(episode))
+            episode.restart()
+        return np.stack(found)
+
     def _starts(self, count: int) -> Array:
         """The states in which the episodes of seeds 0 .. count - 1 begin."""
         return np.stack([self.state(open_episode(self.environment, seed)) for seed in range(count)])
@@ -215,9 +243,12 @@ class MujocoTask:
             episode.step(self.problem.ctrl(policy(self.state(episode))))
 
     def _returns(self, policy: Policy, count: int, workers: int) -> Array:
-        """Return of each episode, in the environment as it is; they run side by side."""
-        episodes = [open_episode(self.environment, seed) for seed in range(count)]
-        total, running = np.zeros(count), list(range(count))
+        return self.returns(policy, range(count))
+
+    def returns(self, policy: Policy, seeds: Sequence[int]) -> Array:
+        """Return of an episode of each seed, in the environment as it is; they run side by side."""
+        episodes = [open_episode(self.environment, seed) for seed in seeds]
+        total, running = np.zeros(len(episodes)), list(range(len(episodes)))
         while running:
             u = policy(np.stack([self.state(episodes[k]) for k in running]))
             ctrl = self.problem.ctrl(u)
