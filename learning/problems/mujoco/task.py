@@ -131,7 +131,7 @@ class MujocoTask:
         return MujocoProblem(
             model,
             task.learned or task.reward,
-            control_cost=task.cost if self.control_cost is None else self.control_cost,
+            control_cost=self.control_cost or task.learned_cost or task.cost,
             name=self.environment,
             draw=None if draw is None else lambda rng, count: draw(model, rng, count),
             s_gamma=self.s_gamma,

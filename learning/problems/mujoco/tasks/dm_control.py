@@ -184,21 +184,28 @@ def _swim_anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
     return Starts(qpos, qvel)
 
 
+_SWIMMER = Task(
+    _swimmer,
+    draw=_swim_anywhere,
+    goal=_target,
+    relative=_from_target,
+    s_gamma=0.3,
+    advice={"s_lambda": 1.0, "value_weight": 1.0},
+)
+
 TASKS: dict[str, Task] = {
-    "pendulum/swingup": Task(_pendulum, learned=_upright, s_gamma=0.5),
+    "pendulum/swingup": Task(_pendulum, learned=_upright, s_gamma=0.2),
     "cartpole/balance": Task(_cartpole, _cartpole_cost, draw=_cart_upright),
-    "cartpole/swingup": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere),
-    "cartpole/two_poles": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere),
-    "cartpole/three_poles": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere),
+    "cartpole/swingup": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere, s_gamma=0.3),
+    "cartpole/two_poles": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere, s_gamma=0.3),
+    "cartpole/three_poles": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere, s_gamma=0.3),
     "point_mass/easy": Task(_point_mass, _point_mass_cost, _point_mass_learned),
     "reacher/easy": Task(_reacher(0.05), learned=_reacher_learned(0.05), draw=_reach_anywhere, goal=_target),
     "reacher/hard": Task(
         _reacher(0.015), learned=_reacher_learned(0.015), draw=_reach_anywhere, goal=_target
     ),
-    "acrobot/swingup": Task(_acrobot, learned=_acrobot_learned, draw=_acrobot_anywhere, s_gamma=0.5),
-    "swimmer/swimmer6": Task(_swimmer, draw=_swim_anywhere, goal=_target, relative=_from_target, s_gamma=0.3),
-    "swimmer/swimmer15": Task(
-        _swimmer, draw=_swim_anywhere, goal=_target, relative=_from_target, s_gamma=0.3
-    ),
+    "acrobot/swingup": Task(_acrobot, learned=_acrobot_learned, draw=_acrobot_anywhere, s_gamma=0.2),
+    "swimmer/swimmer6": _SWIMMER,
+    "swimmer/swimmer15": _SWIMMER,
 }
 """By "domain/task"."""

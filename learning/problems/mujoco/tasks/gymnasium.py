@@ -28,8 +28,8 @@ def _inverted_pendulum(scene: Scene) -> Tensor:
 
 
 def _inverted_pendulum_learned(scene: Scene) -> Tensor:
-    """Upright, and in the middle of the track."""
-    return torch.exp(-((scene.joint("hinge") / 0.1) ** 2)) - (scene.joint("slider") / 0.9) ** 2
+    """Upright, and in the middle of the track; bounded, so that a pole that has fallen does not count for much."""
+    return torch.exp(-((scene.joint("hinge") / 0.3) ** 2)) - 0.3 * scene.joint("slider") ** 2
 
 
 def _near_upright(model: Any, rng: np.random.Generator, count: int) -> Starts:
@@ -107,11 +107,22 @@ def _swim_anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
 
 
 TASKS: dict[str, Task] = {
-    "InvertedPendulum-v5": Task(_inverted_pendulum, learned=_inverted_pendulum_learned, draw=_near_upright),
+    "InvertedPendulum-v5": Task(
+        _inverted_pendulum,
+        learned=_inverted_pendulum_learned,
+        learned_cost=(0.05,),
+        draw=_near_upright,
+        advice={"dt": 0.02, "trial_duration": 1.0, "s_lambda": 10.0},
+    ),
     "InvertedDoublePendulum-v5": Task(_double_pendulum, learned=_double_pendulum_learned, draw=_near_upright),
     "Reacher-v5": Task(_reacher, (1.0, 1.0), draw=_reach_anywhere),
     "Swimmer-v5": Task(
-        _swimmer, (1e-4, 1e-4), learned=_centre_of_mass_velocity, draw=_swim_anywhere, s_gamma=0.3
+        _swimmer,
+        (1e-4, 1e-4),
+        learned=_centre_of_mass_velocity,
+        draw=_swim_anywhere,
+        s_gamma=0.1,
+        advice={"s_lambda": 1.0, "value_weight": 1.0},
     ),
 }
 """By the identifier that ``gymnasium.make`` knows."""
