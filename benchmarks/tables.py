@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -244,3 +245,52 @@ def long_runs(logs: Path) -> Summary:
     return Summary(
         "", ("log", "links, neurons", "η", "learners", "trials of each", "hours of the pack"), rows
     )
+
+
+# Any MuJoCo model -------------------------------------------------------------------------------------------------
+
+
+def published() -> dict[str, list[tuple[str, float]]]:
+    """Returns that others have published, by task: (learner, mean return), the best first."""
+    found: dict[str, list[tuple[str, float]]] = {}
+    with (RESULTS / "published-returns.csv").open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            found.setdefault(row["task"], []).append((row["learner"], float(row["return"])))
+    return {task: sorted(rows, key=lambda row: -row[1]) for task, rows in found.items()}
+
+
+def any_model() -> Summary:
+    """Return of what each seed's best look kept, in thirty other episodes, beside what others have published."""
+    kept: dict[str, list[float]] = {}
+    seconds: dict[str, float] = {}
+    with (RESULTS / "any-model.csv").open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            if row["look"] == "best":
+                kept.setdefault(row["task"], []).append(float(row["return_mean"]))
+            else:
+                seconds[row["task"]] = max(seconds.get(row["task"], 0.0), float(row["cpu_seconds"]))
+    others, rows = published(), []
+    for task, returns in kept.items():
+        values = np.array(returns)
+        rivals = others.get(task, [])
+        best = rivals[0][1] if rivals else np.nan
+        reached = f"{(values >= 0.95 * best).sum()} of {len(values)}" if rivals else "—"
+        rows.append(
+            (
+                f"`{task}`",
+                f"{seconds[task]:.0f}",
+                mean_and_interval_text(values, ".0f"),
+                f"{values.min():.0f}",
+                ", ".join(f"{name} {value:.0f}" for name, value in rivals) or "—",
+                reached,
+            )
+        )
+    head = (
+        "task",
+        "seconds of a core",
+        "return",
+        "worst seed",
+        "published",
+        "seeds at 95 % of the best published",
+    )
+    return Summary("", head, rows)

@@ -114,6 +114,35 @@ def test_a_return_is_that_of_the_environment_itself():
     assert environment.starts(3).shape == (3, problem.state_size)
 
 
+def test_returns_of_chosen_seeds_are_those_of_their_episodes():
+    problem = MujocoTask("dm_control/pendulum/swingup")
+    found = problem.form(EnvironmentForm).evaluate(Still(problem), 3, 1)
+    assert problem.returns(Still(problem), [2, 0]).tolist() == found[[2, 0]].tolist()
+
+
+def test_three_of_ten_initial_states_are_as_the_environment_begins():
+    """Hanging still, where a law that draws any angle and speed hardly ever is."""
+    problem = MujocoTask("dm_control/cartpole/swingup")
+    names = problem.problem.layout.names
+    x = problem.initial_states(np.random.default_rng(0), 1000)
+    angle, rate = x[:, names.index("hinge_1")], x[:, names.index("hinge_1'")]
+    hangs = (np.cos(angle) < -0.99) & (np.abs(rate) < 0.05)
+    assert 0.25 < hangs.mean() < 0.36  # a binomial law's deviation is 0.015
+    assert len(np.unique(angle[hangs])) > 50
+
+
+def test_light_links_in_water_are_steps_of_a_control_long():
+    """swimmer6 under random bang-bang controls for a second; by Euler's method it is not finite after two steps."""
+    problem = MujocoTask("dm_control/swimmer/swimmer6")
+    dt, rng = problem.problem.control_timestep, np.random.default_rng(0)
+    assert problem.advice["dt"] == dt == pytest.approx(0.03)
+    x = problem.initial_states(rng, 20)
+    for _ in range(33):
+        u = rng.choice([-1.0, 1.0], (20, 5)) * problem.control_limits
+        x = problem.step(x, u, dt)
+    assert np.abs(x).max() < 100
+
+
 def test_an_episode_that_ends_early_pays_no_more():
     problem = MujocoTask("gymnasium/InvertedPendulum-v5")
 
@@ -155,12 +184,12 @@ def test_the_commands_learn_judge_draw_and_go_on(tmp_path, monkeypatch, capsys):
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    small = ["--method", "value-gradient", "--trials", "8", "--evaluate-every", "4"]
+    small = ["--method", "value-gradient", "--trials", "4", "--evaluate-every", "4"]
     small += ["--set", "trajectories=32", "steps=10", "minibatch=32", "dt=0.02"]
     own = ["--problem", "pole.xml", "--reward", "pole_reward:reward"]
     assert main(["train", "--out", "own", *own, *small]) == 0
     assert main(["train", "--out", "task", "--problem", "dm_control/pendulum/swingup", *small]) == 0
-    assert main(["train", "--out", "task", "--resume", "--trials", "12"]) == 0
+    assert main(["train", "--out", "task", "--resume", "--trials", "8"]) == 0
     capsys.readouterr()
     assert main(["evaluate", "task", "--episodes", "2", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
