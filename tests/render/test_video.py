@@ -208,7 +208,7 @@ def test_a_video_that_fails_leaves_no_file(tmp_path):
     [
         ("swim.mp4", [], "at least one frame"),
         ("swim.mp4", [(48, 63, 3)], "must be even, got 48 x 63"),
-        ("swim.gif", [(48, 64, 3)], "must end with .mp4, .mkv or .mov"),
+        ("swim.avi", [(48, 64, 3)], "must end with .mp4, .mkv, .mov, .gif or .webp, got '.*swim.avi'"),
         ("swim.mp4", [(48, 64, 3), (48, 66, 3)], r"frame 1 is uint8 \(48, 66, 3\), not uint8 \(48, 64, 3\)"),
     ],
 )
