@@ -31,7 +31,7 @@ def gait_diagram(trajectory: Trajectory) -> Figure:
 
     Raises
     ------
-    ValueError
+    NoStrokeError
         No stroke repeats (see :func:`swimmer_mj.render.strokes.last_stroke`).
     """
     stroke = last_stroke(trajectory)

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, plain_axes
-from swimmer_mj.render.strokes import joint_angles, last_stroke, steady_part
+from swimmer_mj.render.strokes import NoStrokeError, joint_angles, last_stroke, steady_part
 from swimmer_mj.trajectory import Trajectory
 
 __all__ = ["phase_portraits"]
@@ -41,7 +41,7 @@ def phase_portraits(trajectory: Trajectory) -> Figure:
     steady = steady_part(trajectory)
     try:
         stroke = last_stroke(trajectory)
-    except ValueError:
+    except NoStrokeError:
         stroke = None
     columns = min(COLUMNS, n - 1)
     rows = -(-(n - 1) // columns)

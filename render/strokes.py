@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from swimmer_mj import state as st
 from swimmer_mj.trajectory import Trajectory
 
-__all__ = ["Stroke", "joint_angles", "last_stroke", "steady_part"]
+__all__ = ["NoStrokeError", "Stroke", "joint_angles", "last_stroke", "steady_part"]
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,10 @@ ALIKE = 0.5
 """The largest :attr:`Stroke.mismatch`: what differs more does not repeat."""
 STILL = 0.02
 """A swimmer whose joints deviate from their mean angles by less than this, rad, does not stroke."""
+
+
+class NoStrokeError(ValueError):
+    """Nothing repeats; the message says where, and what to do."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +63,12 @@ def last_stroke(trajectory: Trajectory) -> Stroke:
 
     Raises
     ------
-    ValueError
+    NoStrokeError
         Nothing repeats: fewer than two strokes, or a motion without any.
     """
     part = steady_part(trajectory)
     if trajectory.parameters.n_links < 2 or part.stop - part.start < 4:
-        raise ValueError(f"no stroke repeats in {trajectory.duration:g} s; draw a longer episode")
+        raise NoStrokeError(f"no stroke repeats in {trajectory.duration:g} s; draw a longer episode")
     times = trajectory.times[part]
     dt = float(np.diff(times).mean())
     lags = np.arange(max(1, round(SHORTEST / dt)), len(times) // 2 + 1)
@@ -72,7 +76,7 @@ def last_stroke(trajectory: Trajectory) -> Stroke:
     before, here, after = mismatch[:-2], mismatch[1:-1], mismatch[2:]
     minima = 1 + np.flatnonzero((here <= before) & (here < after) & (here <= ALIKE))
     if not minima.size:
-        raise ValueError(
+        raise NoStrokeError(
             f"no stroke of {SHORTEST:g} s or more repeats in the steady {times[-1] - times[0]:.3g} s of the episode; "
             "draw a longer one, or a policy that swims"
         )

@@ -18,7 +18,7 @@ from swimmer_mj.trajectory import Trajectory
 if TYPE_CHECKING:
     from swimmer_mj.learning.problems.forms import Policy
 
-__all__ = ["coordinate_names", "default_coordinates", "target_frame_states", "value_map"]
+__all__ = ["check_coordinates", "coordinate_names", "default_coordinates", "target_frame_states", "value_map"]
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,19 @@ def coordinate_names(n_links: int) -> tuple[str, ...]:
     """The names of the reduced state's coordinates: theta1 .., omega1 .., vx, vy."""
     numbers = range(1, n_links + 1)
     return (*(f"theta{i}" for i in numbers), *(f"omega{i}" for i in numbers), "vx", "vy")
+
+
+def check_coordinates(over: Sequence[str], n_links: int) -> tuple[int, int]:
+    """Where two coordinates stand in the reduced state; ValueError unless they are two of :func:`coordinate_names`."""
+    names = coordinate_names(n_links)
+    for name in over:
+        if name not in names:
+            raise ValueError(
+                f"there is no coordinate {name!r} of {n_links} links; there are {', '.join(names)}"
+            )
+    if len(over) != 2 or over[0] == over[1]:
+        raise ValueError(f"V is drawn over two different coordinates, got {' and '.join(over) or 'none'}")
+    return names.index(over[0]), names.index(over[1])
 
 
 def target_frame_states(trajectory: Trajectory) -> Array:
@@ -68,7 +81,7 @@ def value_map(
         others were different then.
     """
     names = coordinate_names(trajectory.parameters.n_links)
-    i, j = _chosen(over, names)
+    i, j = check_coordinates(over, trajectory.parameters.n_links)
     at = trajectory.index_at(float(trajectory.times[-1]) if time is None else time)
     states = target_frame_states(trajectory)
     x, y = (_axis(states[:, k], states[at, k], names[k]) for k in (i, j))
@@ -102,15 +115,6 @@ def value_map(
     bar.set_label("$V$  (m)")
     axes.set_title(f"the state at t = {trajectory.times[at]:.2f} s, and {NEAR:g} s before it", fontsize=10)
     return figure
-
-
-def _chosen(over: Sequence[str], names: Sequence[str]) -> tuple[int, int]:
-    for name in over:
-        if name not in names:
-            raise ValueError(f"there is no coordinate {name!r}; there are {', '.join(names)}")
-    if len(over) != 2 or over[0] == over[1]:
-        raise ValueError(f"V is drawn over two different coordinates, got {', '.join(over) or 'none'}")
-    return names.index(over[0]), names.index(over[1])
 
 
 def _axis(values: Array, now: float, name: str) -> Array:
