@@ -128,8 +128,8 @@ def _encode(path: Path, frames: Iterator[Frame], fps: float, encoder: _Encoder) 
         str(path),
         (width, height),
         pix_fmt_out=encoder.pixels,
-        fps=fps,
-        quality=None,
+        fps=fps,  # pyright: ignore[reportArgumentType] - typed by its default, as is the next
+        quality=None,  # pyright: ignore[reportArgumentType]
         codec=encoder.codec,
         macro_block_size=2 if encoder.even else 1,
         output_params=[*encoder.options],

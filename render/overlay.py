@@ -169,9 +169,10 @@ def make_panel(trajectories: Sequence[Trajectory], width: int, height: int) -> P
         _first_graph(graphs[0], trajectories)
         _series(graphs[1], trajectories, "$V$  (m)", [one.values for one in trajectories])
         _series(graphs[2], trajectories, "$H$  (m/s)", [one.hamiltonians for one in trajectories])
+        start, end = trajectories[0].times[0], max(one.times[-1] for one in trajectories)
         for axes in graphs:
             axes.tick_params(length=2, pad=2, width=0.6)
-            axes.set_xlim(trajectories[0].times[0], max(one.times[-1] for one in trajectories))
+            axes.set_xlim(start, end if end > start else start + 1.0)
             axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
             axes.text(1.01, -0.03, "s", transform=axes.transAxes, va="top", fontsize=points)
         data = io.BytesIO()

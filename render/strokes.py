@@ -86,7 +86,7 @@ def last_stroke(trajectory: Trajectory) -> Stroke:
     return Stroke(last - int(lags[chosen]), last, float(lags[chosen] * dt), float(mismatch[chosen]))
 
 
-def _mismatch(angles: Array, lags: Array) -> Array:
+def _mismatch(angles: Array, lags: NDArray[np.int_]) -> Array:
     """How far joint angles (times, n - 1) are from those some steps before, shape (lags,).
 
     The root mean square distance of their points on the unit circle, over what it is where they are unrelated.
