@@ -40,7 +40,18 @@ class _Encoder:
 _H264 = _Encoder(
     "libx264",
     "yuv420p",
-    ("-preset", "veryfast", "-bf", "0", "-crf", "23", "-movflags", "+faststart"),
+    (
+        "-preset",
+        "veryfast",
+        "-bf",
+        "0",
+        "-crf",
+        "23",
+        "-sws_flags",
+        "fast_bilinear",
+        "-movflags",
+        "+faststart",
+    ),
     even=True,
 )
 # The palette is made of the first seconds, so that memory does not grow with the film; the swimmer's colours do not

@@ -34,6 +34,8 @@ PAPER = "#f5f8fa"
 """About letters that stand in the water."""
 SWEEP = 1.25
 """Half the arc of a full torque, rad."""
+STEP = 5
+"""Arcs are turned by multiples of so many degrees: few pictures of them serve all."""
 FINER = 3
 """Arcs are drawn so many times larger, and shrunk, which smooths them."""
 
@@ -49,14 +51,14 @@ def signed(value: float) -> str:
     return f"{value:+.2f}".replace("-", "\N{MINUS SIGN}")
 
 
-@functools.lru_cache(maxsize=1024)
-def _glyph(character: str, size: int, halo: int) -> tuple[Image.Image, float]:
-    """How much of each pixel a character covers, with ``halo`` pixels more on all sides, and how wide it is."""
+@functools.lru_cache(maxsize=2048)
+def _word(text: str, size: int, halo: int) -> tuple[Image.Image, float]:
+    """How much of each pixel a word covers, with ``halo`` pixels more on all sides, and how wide it is."""
     letters = _font(size)
-    width = letters.getlength(character)
+    width = letters.getlength(text)
     mask = Image.new("L", (math.ceil(width) + 2 * halo + 2, 2 * size))
     ImageDraw.Draw(mask).text(
-        (halo + 1, 1.5 * size), character, 255, letters, anchor="ls", stroke_width=halo, stroke_fill=255
+        (halo + 1, 1.5 * size), text, 255, letters, anchor="ls", stroke_width=halo, stroke_fill=255
     )
     return mask, width
 
@@ -66,19 +68,22 @@ def write(
 ) -> None:
     """Write ``text`` into ``image`` from ``place`` on its base line, pixels, with a light edge of ``halo`` pixels.
 
-    Characters are drawn once and kept, which is several times faster than to draw lines of text again and again.
+    Words are drawn once and kept, which is several times faster than to draw lines of text again and again.
     """
+    space = _font(size).getlength(" ")
     for edge, ink in ((halo, PAPER), (0, color)) if halo else ((0, color),):
         x = place[0]
-        for character in text:
-            mask, width = _glyph(character, size, edge)
-            image.paste(ink, (round(x) - edge - 1, round(place[1] - 1.5 * size)), mask)
-            x += width
+        for word in text.split(" "):
+            if word:
+                mask, width = _word(word, size, edge)
+                image.paste(ink, (round(x) - edge - 1, round(place[1] - 1.5 * size)), mask)
+                x += width
+            x += space
 
 
-def text_width(text: str, size: int) -> float:
+def text_width(word: str, size: int) -> float:
     """Pixels."""
-    return sum(_glyph(character, size, 0)[1] for character in text)
+    return _font(size).getlength(word)
 
 
 # Torques ----------------------------------------------------------------------------------------------------------
@@ -103,20 +108,20 @@ def draw_arcs(image: Image.Image, joints: Array, angles: Array, levels: Array, r
     for (x, y), angle, level in zip(joints, angles, levels, strict=True):
         if round(20 * abs(level)) == 0:
             continue
-        mask = _arc(round(radius), round(20 * level), round(math.degrees(angle) / 2) % 180)
+        mask = _arc(round(radius), round(20 * level), round(math.degrees(angle) / STEP) % (360 // STEP))
         corner = round(float(x)) - mask.width // 2, round(float(y)) - mask.height // 2
         image.paste(TORQUE, corner, mask)
 
 
 @functools.lru_cache(maxsize=4096)
-def _arc(radius: int, twentieths: int, half_degrees: int) -> Image.Image:
+def _arc(radius: int, twentieths: int, steps: int) -> Image.Image:
     """How much of each pixel an arc covers, in a square about the joint; its torque in 1/20 of the limit."""
     head = 0.45 * radius
     size = 2 * math.ceil(radius + head) + 1
     mask = Image.new("L", (FINER * size, FINER * size))
     draw, r, middle = ImageDraw.Draw(mask), FINER * radius, FINER * size / 2
     width = max(2 * FINER, round(0.17 * r))
-    direction, sweep = math.radians(2 * half_degrees), SWEEP * twentieths / 20
+    direction, sweep = math.radians(STEP * steps), SWEEP * twentieths / 20
     first, last = direction - sweep, direction + sweep  # anticlockwise seen from above; rows count downwards
     low, high = sorted((-math.degrees(first), -math.degrees(last)))
     outer = r + width / 2
