@@ -144,6 +144,7 @@ def _encode(path: Path, frames: Iterator[Frame], fps: float, encoder: _Encoder) 
         codec=encoder.codec,
         macro_block_size=2 if encoder.even else 1,
         output_params=[*encoder.options],
+        ffmpeg_log_level="error",
     )
     with contextlib.closing(pipe):
         pipe.send(None)
