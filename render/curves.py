@@ -20,7 +20,15 @@ from swimmer_mj.trajectory import Trajectory
 if TYPE_CHECKING:
     from swimmer_mj.learning.runs.evaluation import Episode
 
-__all__ = ["METRICS", "OPEN_LOOP_SPEED", "episode_plot", "learning_curve", "read_metrics", "rollout_plot"]
+__all__ = [
+    "METRICS",
+    "OPEN_LOOP_SPEED",
+    "control_lanes",
+    "episode_plot",
+    "learning_curve",
+    "read_metrics",
+    "rollout_plot",
+]
 
 Array = NDArray[np.float64]
 
@@ -152,7 +160,7 @@ def rollout_plot(trajectory: Trajectory) -> Figure:
     angle.legend(frameon=False, fontsize=9, ncols=n, loc="lower left", bbox_to_anchor=(0, 1))
 
     limits = trajectory.parameters.torque_limits
-    scale = _control_lanes(torque, times, trajectory.controls, limits, " N·m")
+    scale = control_lanes(torque, times, trajectory.controls, limits, " N·m")
     torque.set_ylabel(f"torque\n(lane: {scale})" if limits.size else "no joints")
 
     speed.plot(times, trajectory.speeds(), color=BLUE, linewidth=1.3)
@@ -180,7 +188,7 @@ def episode_plot(episode: Episode) -> Figure:
     columns = min(p, 8)
     state.legend(frameon=False, fontsize=9, ncols=columns, loc="lower left", bbox_to_anchor=(0, 1))
     state.set_ylabel("state")
-    scale = _control_lanes(control, times, episode.controls, episode.problem.control_limits)
+    scale = control_lanes(control, times, episode.controls, episode.problem.control_limits)
     control.set_ylabel(f"control\n(lane: {scale})")
     reward.set_ylabel("reward rate")
     reward.plot(times, episode.rewards, color=BLUE, linewidth=1.3)
@@ -206,7 +214,7 @@ def _value_and_hamiltonian(axes: Axes, times: Array, V: Array, H: Array, units: 
     axes.set_xlabel("time  (s)")
 
 
-def _control_lanes(axes: Axes, times: Array, controls: Array, limits: Array, unit: str = "") -> str:
+def control_lanes(axes: Axes, times: Array, controls: Array, limits: Array, unit: str = "") -> str:
     """Draw a lane a control, u_1 on top: filled upwards where it is positive, else downwards; returns their height."""
     for i, limit in enumerate(limits):
         lane, u = -float(i), controls[:, i] / limit

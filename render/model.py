@@ -14,7 +14,7 @@ __all__ = ["model_frames"]
 
 
 def model_frames(
-    motion: Iterable[tuple[Any, Any, float]], *, width: int = 640, height: int = 480, fps: int = 30
+    motion: Iterable[tuple[Any, Any, float]], *, width: int = 640, height: int = 480, fps: float = 30
 ) -> Iterator[Frame]:
     """Draw a moving model in real time, without a screen, from its first camera or, if it has none, from aside.
 
@@ -24,7 +24,7 @@ def model_frames(
         The model and its data after each step, and how long the step is, s; the data may change in between.
     width, height : int
         Size of a frame, pixels.
-    fps : int
+    fps : float
         Frames per second.
 
     Yields
@@ -38,7 +38,7 @@ def model_frames(
     return _draw(motion, width, height, fps)
 
 
-def _draw(motion: Iterable[tuple[Any, Any, float]], width: int, height: int, fps: int) -> Iterator[Frame]:
+def _draw(motion: Iterable[tuple[Any, Any, float]], width: int, height: int, fps: float) -> Iterator[Frame]:
     import mujoco  # bound to the backend only now
 
     renderer, time, drawn = None, 0.0, 0

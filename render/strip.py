@@ -7,10 +7,10 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from swimmer_mj import state as st
+from swimmer_mj.render.chain import draw_chain
 from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE
 from swimmer_mj.trajectory import Trajectory
 
@@ -35,7 +35,8 @@ def film_strip(
     Every pose stands in a cell of its own. All cells have one scale. The ticks of a row mark one and the same
     place in the fluid, where the centre of mass was at the beginning of the row, and each pose is drawn where
     it truly is relative to that place; so the path covered shows as the trace that grows from the tick. An
-    arrow gives the target direction at the beginning of each row, and in each cell where it has changed.
+    arrow gives the target direction at the beginning of each row, and in each cell where it has changed. Links are
+    outlined, and each lies on those before it, so that one sees where they cross.
 
     Parameters
     ----------
@@ -51,7 +52,8 @@ def film_strip(
     Returns
     -------
     matplotlib.figure.Figure
-        Its poses are the lines whose gid is ``"pose"``; the line ``"scale"`` is 1 m long.
+        The line with the gid ``"scale"`` is 1 m long; poses are as :func:`swimmer_mj.render.chain.draw_chain` draws
+        them.
     """
     chosen = _pose_indices(trajectory, interval, start, stop)
     if per_row < 1:
@@ -93,7 +95,7 @@ def film_strip(
     axes.set(xlim=(0.0, total), ylim=(y - foot, 0.0), aspect="equal")
     axes.axis("off")
 
-    thick = 3.2 * min(1.0, link / inch / 0.17)
+    thick = 4.4 * min(1.0, link / inch / 0.17)
     margin = total - content
     for row, origin, border, left in zip(rows, origins, borders, starts, strict=True):
         axes.plot([0.06 * inch, total - 0.06 * inch], [border, border], color="0.88", linewidth=0.6)
@@ -105,19 +107,8 @@ def film_strip(
             trace = centers[row[0] : k + 1] + shift
             pose = joints[k] + shift
             axes.plot([place[0]] * 2, [origin - tick, origin + tick], color=GREY, linewidth=0.8, zorder=1)
-            axes.add_line(
-                Line2D(
-                    *pose.T,
-                    color=INK,
-                    linewidth=thick,
-                    solid_capstyle="round",
-                    solid_joinstyle="round",
-                    gid="pose",
-                    zorder=2,
-                )
-            )
-            axes.plot(*pose[1:-1].T, "o", color="white", markersize=0.4 * thick, zorder=3)
-            axes.plot(*pose[0], "o", color=ORANGE, markersize=1.7 * thick, markeredgewidth=0, zorder=4)
+            draw_chain(axes, pose, thick, zorder=2)
+            axes.plot(*pose[0], "o", color=ORANGE, markersize=1.4 * thick, markeredgewidth=0, zorder=4)
             axes.plot(*trace.T, color=BLUE, linewidth=1.3, zorder=5)
             axes.plot(
                 *trace[-1],
@@ -170,7 +161,7 @@ def _legend(axes: Axes, interval: float, y: float, inch: float, thick: float) ->
         axes.plot([end, end], [y - 0.05 * inch, y + 0.05 * inch], color=INK, linewidth=1.2)
     axes.text(x + 1.0 + 0.1 * inch, y, "1 m", **text)
     x += 1.0 + 0.75 * inch
-    axes.plot(x, y, "o", color=ORANGE, markersize=1.7 * thick, markeredgewidth=0)
+    axes.plot(x, y, "o", color=ORANGE, markersize=1.4 * thick, markeredgewidth=0)
     axes.text(x + 0.12 * inch, y, "head: free end $A_0$ of the first link", **text)
     x += 3.0 * inch
     axes.plot([x - 0.2 * inch, x], [y, y], color=BLUE, linewidth=1.3)

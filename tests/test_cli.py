@@ -51,6 +51,7 @@ def test_help_imports_nothing_heavy():
         "train",
         "evaluate",
         "render",
+        "report",
         "page",
         "view",
         "figures",
@@ -459,7 +460,8 @@ def test_render(tmp_path, capsys, trained):
     assert status == 0
     paths = json.loads(out)
     assert {p.name for p in tmp_path.iterdir()} == {
-        "swimmer.mp4", "film-strip.png", "learning-curve.png", "episode.png", "trajectory.npz",
+        "swimmer.mp4", "film-strip.png", "learning-curve.png", "episode.png", "trajectory.npz", "phase-portraits.png",
+        "value-map.png",
     }  # fmt: skip
     trajectory = Trajectory.load(paths["trajectory"])
     assert trajectory.duration == pytest.approx(1.0)

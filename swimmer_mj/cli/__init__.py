@@ -24,6 +24,7 @@ from swimmer_mj.cli.checks import bench, doctor, validate
 from swimmer_mj.cli.demonstration import demo
 from swimmer_mj.cli.output import CheckFailedError
 from swimmer_mj.cli.pictures import figures, render
+from swimmer_mj.cli.reporting import report
 from swimmer_mj.cli.runs import evaluate, info
 from swimmer_mj.cli.signals import StoppedError
 from swimmer_mj.cli.sweep import sweep
@@ -34,7 +35,7 @@ from swimmer_mj.cli.webpage import page
 __all__ = ["COMMANDS", "main"]
 
 COMMANDS: tuple[Callable[..., None], ...] = (
-    demo, train, sweep, evaluate, render, page, view, validate, figures, bench, info, doctor,
+    demo, train, sweep, evaluate, render, report, page, view, validate, figures, bench, info, doctor,
 )  # fmt: skip
 """In the order of the help."""
 

@@ -19,6 +19,7 @@ from swimmer_mj.cli.output import (
 )
 from swimmer_mj.cli.pictures import Backend, render_run
 from swimmer_mj.cli.runs import free_directory
+from swimmer_mj.cli.shots import places_in
 from swimmer_mj.cli.training import train_runs
 from swimmer_mj.cli.webpage import write_policy_page
 
@@ -89,7 +90,7 @@ def demo(
     console.rule("4. Pictures")
     eta = f"η = {ETA}"
     beside = [(f"TD(λ), {eta}", paper.directory / LOG)] if paper.history else []
-    pictures = render_run(best.directory, best.directory, duration=13.0, fps=30, beside=beside)
+    pictures = render_run(best.directory, places_in(best.directory), beside=beside)
     for path in pictures.values():
         print_line(console, f"  {path}")
     html = best.directory / "swim.html"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tyro.conf import Positional
 
@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from swimmer_mj.learning.problems.forms import Policy
     from swimmer_mj.learning.runs.config import RunConfig
 
-__all__ = ["page", "write_policy_page"]
+__all__ = ["described_policies", "page", "write_policy_page"]
+
+Speed = tuple[float, tuple[float, float] | None]
 
 
 def page(
@@ -51,9 +53,22 @@ def write_policy_page(
     directory: Path,
     policy: Policy,
     config: RunConfig,
-    speed: tuple[float, tuple[float, float] | None] | None = None,
+    speed: Speed | None = None,
 ) -> tuple[int, list[str]]:
     """The page of a policy and of the pretrained ones: its size in bytes, and the names of all.
+
+    ``speed``: as of :func:`described_policies`.
+    """
+    from swimmer_mj.render.page.assemble import write_page
+
+    described, chosen = described_policies(directory, policy, config, speed)
+    return write_page(out, described, chosen), [one["name"] for one in described]
+
+
+def described_policies(
+    directory: Path, policy: Policy, config: RunConfig, speed: Speed | None = None
+) -> tuple[list[dict[str, Any]], str]:
+    """What a page is made of: a policy and the pretrained ones, and the name of the first.
 
     ``speed``: swimming speed of the policy and its interval, as ``evaluate`` gives them; by default they are measured.
     """
@@ -63,7 +78,6 @@ def write_policy_page(
     from swimmer_mj.learning.pretrained import PRETRAINED, pretrained_directory, pretrained_names
     from swimmer_mj.learning.problems.forms import EnvironmentForm
     from swimmer_mj.learning.runs.run import load_policy
-    from swimmer_mj.render.page.assemble import write_page
     from swimmer_mj.render.page.policies import describe, require_playable
 
     described = []
@@ -80,9 +94,7 @@ def write_policy_page(
         shipped, shipped_config, card = load_policy(pretrained_directory(name))
         label = f"the paper's {_label(shipped_config)}" if name.endswith("-paper") else _label(shipped_config)
         described.append(describe(shipped, name, label, card["swimming_speed"], card["ci95"]))
-    chosen = directory.name if directory.parent == PRETRAINED else str(directory)
-    size = write_page(out, described, chosen)
-    return size, [one["name"] for one in described]
+    return described, directory.name if directory.parent == PRETRAINED else str(directory)
 
 
 def _label(config: RunConfig) -> str:

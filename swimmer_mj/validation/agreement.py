@@ -20,11 +20,14 @@ from swimmer_mj.validation.cases import (
     relative_error,
     statements,
 )
-from swimmer_mj.validation.records import Curve, Section, Worst
+from swimmer_mj.validation.records import Check, Curve, Section, Worst
 
-__all__ = ["accelerations", "disagreement", "scales"]
+__all__ = ["accelerations", "along", "disagreement", "scales"]
 
 Array = NDArray[np.float64]
+
+REASON = "2 N eps c (1 + s): two stable solutions of N = n + 2 equations of condition c, s for what cancels"
+"""Of the tolerances."""
 
 
 def scales(arbiter: LagrangianSwimmer, x: Array, u: Array) -> tuple[Array, Array]:
@@ -58,16 +61,33 @@ def disagreement(
     return derivatives, matrices, 2 * rounding
 
 
+def along(parameters: SwimmerParameters, x: Array, u: Array) -> list[Check]:
+    """Compare the statements and the arbiter pair by pair at states of an episode.
+
+    Parameters
+    ----------
+    parameters : SwimmerParameters
+        The swimmer.
+    x, u : ndarray, shapes (b, 2n + 4) and (b, n - 1)
+        Its states and torques.
+    """
+    derivatives, _, tolerance = disagreement(parameters, x, u)
+    found = []
+    for (one, other), errors in derivatives.items():
+        worst = Worst(f"accelerations along the episode: {one} and {other}", REASON)
+        for k, error in enumerate(errors):
+            worst.add(error, tolerance[k], f"state {k} of {len(errors)}")
+        found.append(worst.check())
+    return found
+
+
 def accelerations(
     rng: np.random.Generator, links: Iterable[int] = range(1, 11), n_swimmers: int = 2, n_states: int = 10
 ) -> Section:
     """Compare the statements and the arbiter pair by pair: f(x, u) and df/du, for unequal links."""
-    reason = (
-        "2 N eps c (1 + s): two stable solutions of N = n + 2 equations of condition c, s for what cancels"
-    )
     pairs = list(itertools.combinations([*STATEMENTS, ARBITER], 2))
     by_kind = [
-        {pair: Worst(f"{kind}: {pair[0]} and {pair[1]}", reason) for pair in pairs}
+        {pair: Worst(f"{kind}: {pair[0]} and {pair[1]}", REASON) for pair in pairs}
         for kind in ("accelerations", "control matrices")
     ]
     links = list(links)

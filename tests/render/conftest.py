@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from swimmer_mj import PAPER
+from swimmer_mj import PAPER, SwimmerParameters
 from swimmer_mj.analytic import AnalyticSwimmer
 from swimmer_mj.render.figures import save_figure
 from swimmer_mj.state import expand
@@ -26,6 +26,40 @@ def episode() -> Trajectory:
     return Trajectory(
         PAPER, times, np.array(states), controls, directions, np.cos(times), 0.1 * np.sin(3 * times)
     )
+
+
+THREE = SwimmerParameters(n_links=3)
+
+
+@pytest.fixture(scope="session")
+def swimming() -> Callable[..., Trajectory]:
+    """Make a trajectory of three links whose joints have given angles, (T + 1, 2), and whose centre of mass drifts."""
+
+    def swimming(angles, directions=None, velocity=(0.5, 0.0), controls=None, dt=0.01):
+        count = len(angles)
+        times = dt * np.arange(count)
+        links = np.cumsum(np.column_stack([0.3 * np.sin(times), angles]), axis=1)
+        z = np.column_stack([links, np.gradient(links, dt, axis=0), np.tile(velocity, (count, 1))])
+        states = expand(THREE, z)
+        states[:, :2] += times[:, None] * velocity
+        directions = np.zeros(count) if directions is None else directions
+        controls = np.ones((count - 1, 2)) if controls is None else controls
+        return Trajectory(THREE, times, states, controls, directions, np.cos(times), np.sin(times))
+
+    return swimming
+
+
+@pytest.fixture(scope="session")
+def waves() -> Callable[..., np.ndarray]:
+    """Make the angles of two joints that go to and fro, (T + 1, 2), rad."""
+
+    def waves(period, duration=6.0, size=0.8, dt=0.01):
+        times = np.arange(0, duration + dt / 2, dt)
+        return size * np.column_stack(
+            [np.sin(2 * np.pi * times / period), np.cos(2 * np.pi * times / period)]
+        )
+
+    return waves
 
 
 @pytest.fixture

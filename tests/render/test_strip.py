@@ -4,6 +4,7 @@ from matplotlib.image import imread
 from matplotlib.text import Annotation
 
 from swimmer_mj import SwimmerParameters
+from swimmer_mj.render.chain import POSE
 from swimmer_mj.render.figures import save_figure
 from swimmer_mj.render.strip import film_strip
 from swimmer_mj.state import expand, joint_positions
@@ -12,7 +13,9 @@ from swimmer_mj.trajectory import Trajectory
 
 def poses(figure):
     """The ends of the links as drawn, shape (poses, n + 1, 2), m."""
-    return np.array([line.get_xydata() for line in figure.axes[0].lines if line.get_gid() == "pose"])
+    chains = [chain for chain in figure.axes[0].collections if chain.get_gid() == POSE]
+    outlines = [np.array(chain.get_segments())[1::3] for chain in chains]  # between clear space and filling
+    return np.array([[*outline[:, 0], outline[-1, 1]] for outline in outlines])
 
 
 def arrows(figure):
@@ -108,6 +111,17 @@ def test_the_file_has_the_size_declared_and_a_white_edge(tmp_path, episode):
     )
     np.testing.assert_array_equal(edge, 1.0)
     assert [path.name for path in tmp_path.iterdir()] == ["strip.png"]
+
+
+@pytest.mark.parametrize("suffix", ["svg", "pdf"])
+def test_vectors_are_vectors(tmp_path, episode, suffix):
+    save_figure(film_strip(episode, start=0.0, stop=0.5), path := tmp_path / f"strip.{suffix}")
+    content = path.read_bytes()
+    assert content.startswith({"svg": b"<?xml", "pdf": b"%PDF-"}[suffix])
+    assert {"svg": b"<image", "pdf": b"/Subtype /Image"}[suffix] not in content
+    if suffix == "svg":
+        assert content.count(b'id="pose"') == 5
+        assert b"stroke-linecap: round" in content
 
 
 @pytest.mark.parametrize("n_links", [1, 8])

@@ -7,6 +7,7 @@ import sys
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from PIL import Image
 
 from swimmer_mj import PAPER, SwimmerParameters
 from swimmer_mj.mjcf import mjcf
@@ -127,6 +128,70 @@ def test_frame_k_shows_the_state_at_its_time(episode):
     assert (np.abs(sixth.astype(int) - first) > 60).any(axis=-1).sum() > 100
 
 
+def two_states(angles, later):
+    """A second in which the links turn from some angles to others."""
+    states = [standing(angles).states[0], standing(later).states[0]]
+    return Trajectory(PAPER, [0.0, 1.0], states, np.zeros((1, 4)), [0.0, 0.0], [0.0, 0.0], [0.0, 0.0])
+
+
+def test_between_two_records_lies_what_is_between_them():
+    moving = two_states(np.zeros(5), np.full(5, 1.0))
+    drawn = [*frames(moving, width=WIDTH, height=HEIGHT, fps=2, slow=2.0, caption=False, camera="top")]
+    assert len(drawn) == 4, "twice as long"
+    lost = Trajectory(PAPER, [0.0], [moving.states.mean(axis=0)], np.empty((0, 4)), [0.0], [0.0], [0.0])
+    np.testing.assert_array_equal(drawn[2], draw(lost, camera="top"))
+
+
+def rivals(frame):
+    """Rows and columns of the dark links of the first and of the second swimmer."""
+    r, g, b = np.moveaxis(frame.astype(int), -1, 0)
+    orange = (r - b > 120) & (b < 70) & (g - b > 20)  # the mark is red: as much green as blue
+    return np.argwhere((b - r > 60) & (r < 100)), np.argwhere(orange)
+
+
+@pytest.mark.parametrize("apart", [0.0, 20.0])
+def test_two_swimmers_are_seen_side_by_side_in_one_water(apart):
+    start, away = (standing(np.zeros(5), center=(2 * x, 0.0)).states[0] for x in (0.0, apart))
+    unknown = [np.nan, np.nan]
+    here, other = (
+        Trajectory(PAPER, [0.0, 1.0], states, np.zeros((1, 4)), [0.0, 0.0], unknown, unknown)
+        for states in ([start, start], [start, away])
+    )
+    _, frame = frames(here, against=other, width=WIDTH, height=HEIGHT, fps=2, caption=False)
+    blue, orange = rivals(frame)
+    assert len(blue) > 10
+    assert len(orange) > 10
+    assert orange[:, 0].mean() > blue[:, 0].mean() + 5, "the second one on the right of the first: below"
+    ahead = orange[:, 1].mean() - blue[:, 1].mean()
+    assert ahead > 100 if apart else abs(ahead) < 8
+    for found in (blue, orange):
+        assert (found.min(axis=0) > 3).all()
+        assert (found.max(axis=0) < [HEIGHT - 4, WIDTH - 4]).all()
+
+
+def test_the_slower_of_two_may_have_other_links_and_both_are_named():
+    three = standing([0.2, -0.2, 0.2], parameters=SwimmerParameters(3))
+    size = {"width": 640, "height": 480, "against": three}
+    named, other = (
+        next(frames(standing(np.zeros(5)), **size, names=names)) for names in (("one", "two"), ("one", "six"))
+    )
+    changed = np.argwhere(np.abs(named.astype(int) - other).max(axis=-1) > 40)
+    assert len(changed) > 5
+    assert changed[:, 0].min() > 440, "the last line"
+
+
+@pytest.mark.parametrize(
+    ("size", "overlay"), [((640, 480), True), ((1280, 720), False), ((1920, 1080), True)]
+)
+def test_sizes_of_the_command_line(size, overlay):
+    width, height = size
+    frame = draw(standing(np.zeros(5)), width=width, height=height, overlay=overlay)
+    assert frame.shape == (height, width, 3)
+    water = frame[: round(0.76 * height)]
+    assert len(swimmer_pixels(water)) > 0.001 * width * height
+    assert (np.median(frame[-20:]) == 255) == overlay, "white paper below the water"
+
+
 def test_the_caption_is_written_at_the_lower_left():
     trajectory = standing(np.zeros(5))
     changed = np.argwhere(np.abs(draw(trajectory, caption=True) - draw(trajectory)).max(axis=-1) > 40)
@@ -147,6 +212,7 @@ def test_samples_smooth_edges():
     [
         ({"width": 0}, "width must be positive, got 0"),
         ({"fps": -1}, "fps must be positive, got -1"),
+        ({"slow": 0.0}, "slow must be positive, got 0.0"),
         ({"camera": "side"}, "camera must be 'tracking' or 'top', got 'side'"),
     ],
 )
@@ -193,6 +259,29 @@ def test_the_video_has_the_frames_size_and_rate_declared(tmp_path, episode):
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["swim.mp4"]
 
 
+def test_a_gif_and_a_webp_have_the_frames_and_their_times(tmp_path, episode):
+    drawn = list(frames(episode, width=162, height=121, fps=12))
+    for suffix in (".gif", ".webp"):
+        path = tmp_path / f"swim{suffix}"
+        assert write_video(path, iter(drawn), fps=12) == 36
+        with Image.open(path) as picture:
+            assert (picture.size, picture.n_frames, picture.info["loop"]) == ((162, 121), 36, 0)
+            durations = []
+            for k in range(36):
+                picture.seek(k)
+                shown = np.asarray(picture.convert("RGB")).astype(int)
+                durations.append(picture.info["duration"])
+                if k in (0, 20, 35):
+                    assert np.abs(shown - drawn[k]).mean() < 6, (suffix, k)
+        assert sum(durations) == pytest.approx(3000, abs=60)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["swim.gif", "swim.webp"]
+
+
+def test_a_gif_that_browsers_would_slow_down_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"a \.gif file can have up to 50 frames per second, got 60"):
+        write_video(tmp_path / "swim.gif", [], fps=60)
+
+
 def test_a_video_that_fails_leaves_no_file(tmp_path):
     def failing():
         yield np.zeros((48, 64, 3), np.uint8)
@@ -208,7 +297,7 @@ def test_a_video_that_fails_leaves_no_file(tmp_path):
     [
         ("swim.mp4", [], "at least one frame"),
         ("swim.mp4", [(48, 63, 3)], "must be even, got 48 x 63"),
-        ("swim.gif", [(48, 64, 3)], "must end with .mp4, .mkv or .mov"),
+        ("swim.avi", [(48, 64, 3)], "must end with .mp4, .mkv, .mov, .gif or .webp, got '.*swim.avi'"),
         ("swim.mp4", [(48, 64, 3), (48, 66, 3)], r"frame 1 is uint8 \(48, 66, 3\), not uint8 \(48, 64, 3\)"),
     ],
 )

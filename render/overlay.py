@@ -1,0 +1,242 @@
+"""What is drawn over and below the frames of a video: torques at the joints; V, H and others against time."""
+
+from __future__ import annotations
+
+import functools
+import io
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from swimmer_mj.render.curves import control_lanes
+from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, plain_axes
+from swimmer_mj.trajectory import Trajectory
+
+__all__ = ["SERIES_COLORS", "Panel", "draw_arcs", "draw_moment", "make_panel", "signed", "write"]
+
+Array = NDArray[np.float64]
+
+Color = str | tuple[int, int, int]
+
+SERIES_COLORS = (BLUE, ORANGE)
+"""Of the first and the second swimmer, where there are two."""
+TORQUE = "#7a3fae"
+PAPER = "#f5f8fa"
+"""About letters that stand in the water."""
+SWEEP = 1.25
+"""Half the arc of a full torque, rad."""
+STEP = 5
+"""Arcs are turned by multiples of so many degrees: few pictures of them serve all."""
+FINER = 3
+"""Arcs are drawn so many times larger, and shrunk, which smooths them."""
+
+
+@functools.lru_cache
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    """DejaVu Sans, which comes with matplotlib and whose figures are all of one width."""
+    return ImageFont.truetype(os.path.join(matplotlib.get_data_path(), "fonts/ttf/DejaVuSans.ttf"), size)
+
+
+def signed(value: float) -> str:
+    """With two decimals and a sign; U+2212 is as wide as a plus sign."""
+    return f"{value:+.2f}".replace("-", "\N{MINUS SIGN}")
+
+
+@functools.lru_cache(maxsize=2048)
+def _word(text: str, size: int, halo: int) -> tuple[Image.Image, float]:
+    """How much of each pixel a word covers, with ``halo`` pixels more on all sides, and how wide it is."""
+    letters = _font(size)
+    width = letters.getlength(text)
+    mask = Image.new("L", (math.ceil(width) + 2 * halo + 2, 2 * size))
+    ImageDraw.Draw(mask).text(
+        (halo + 1, 1.5 * size), text, 255, letters, anchor="ls", stroke_width=halo, stroke_fill=255
+    )
+    return mask, width
+
+
+def write(
+    image: Image.Image, place: tuple[float, float], text: str, color: Color, size: int, halo: int = 0
+) -> None:
+    """Write ``text`` into ``image`` from ``place`` on its base line, pixels, with a light edge of ``halo`` pixels.
+
+    Words are drawn once and kept, which is several times faster than to draw lines of text again and again.
+    """
+    space = _font(size).getlength(" ")
+    for edge, ink in ((halo, PAPER), (0, color)) if halo else ((0, color),):
+        x = place[0]
+        for word in text.split(" "):
+            if word:
+                mask, width = _word(word, size, edge)
+                image.paste(ink, (round(x) - edge - 1, round(place[1] - 1.5 * size)), mask)
+                x += width
+            x += space
+
+
+def text_width(word: str, size: int) -> float:
+    """Pixels."""
+    return _font(size).getlength(word)
+
+
+# Torques ----------------------------------------------------------------------------------------------------------
+
+
+def draw_arcs(image: Image.Image, joints: Array, angles: Array, levels: Array, radius: float) -> None:
+    """Draw the torques u_i into ``image``, as arcs around the joints in the sense in which they turn link i + 1.
+
+    Parameters
+    ----------
+    image : Image
+        RGB; it is changed.
+    joints : ndarray, shape (n - 1, 2)
+        Pixels, column and row.
+    angles : ndarray, shape (n - 1,)
+        Of the links i + 1, rad; each arc opens towards its link.
+    levels : ndarray, shape (n - 1,)
+        u_i / U_i in [-1, 1]: an arc is as long as its torque is strong, and none is drawn for 0.
+    radius : float
+        Pixels.
+    """
+    for (x, y), angle, level in zip(joints, angles, levels, strict=True):
+        if round(20 * abs(level)) == 0:
+            continue
+        mask = _arc(round(radius), round(20 * level), round(math.degrees(angle) / STEP) % (360 // STEP))
+        corner = round(float(x)) - mask.width // 2, round(float(y)) - mask.height // 2
+        image.paste(TORQUE, corner, mask)
+
+
+@functools.lru_cache(maxsize=4096)
+def _arc(radius: int, twentieths: int, steps: int) -> Image.Image:
+    """How much of each pixel an arc covers, in a square about the joint; its torque in 1/20 of the limit."""
+    head = 0.45 * radius
+    size = 2 * math.ceil(radius + head) + 1
+    mask = Image.new("L", (FINER * size, FINER * size))
+    draw, r, middle = ImageDraw.Draw(mask), FINER * radius, FINER * size / 2
+    width = max(2 * FINER, round(0.17 * r))
+    direction, sweep = math.radians(STEP * steps), SWEEP * twentieths / 20
+    first, last = direction - sweep, direction + sweep  # anticlockwise seen from above; rows count downwards
+    low, high = sorted((-math.degrees(first), -math.degrees(last)))
+    outer = r + width / 2
+    draw.arc((middle - outer, middle - outer, middle + outer, middle + outer), low, high, 255, width)
+    tip = np.array([math.cos(last), -math.sin(last)]) * r + middle
+    ahead = np.sign(sweep) * np.array([-math.sin(last), -math.cos(last)])
+    across = np.array([ahead[1], -ahead[0]])
+    corners = (
+        tip + FINER * head * (f * ahead + s * across) for f, s in ((0.9, 0), (-0.3, 0.75), (-0.3, -0.75))
+    )
+    draw.polygon([tuple(map(float, corner)) for corner in corners], fill=255)
+    return mask.reduce(FINER)
+
+
+# Curves -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Curves of whole episodes as a picture, and where in it a moment stands."""
+
+    picture: Image.Image
+    """RGB."""
+    boxes: tuple[tuple[float, float, float, float], ...]
+    """Of each graph: left, top, right and bottom of its axes, pixels."""
+    times: tuple[float, float]
+    """At its left and right, s."""
+    size: int
+    """Of the letters, pixels."""
+
+
+def make_panel(trajectories: Sequence[Trajectory], width: int, height: int) -> Panel:
+    """Torques, V and H of an episode side by side, or of two the speeds, V and H.
+
+    V and H that are not known leave their graph empty.
+    """
+    size = max(9, height // 10)
+    points = size * 72 / 100
+    figure = Figure(figsize=(width / 100, height / 100), dpi=100, facecolor="white")
+    with matplotlib.rc_context({"font.size": points, "axes.titlesize": points, "axes.linewidth": 0.6}):
+        graphs = figure.subplots(1, 3)
+        left, right, gap = (share * size / width for share in (3.4, 1.4, 4.2))
+        figure.subplots_adjust(
+            left,
+            2.0 * size / height,
+            1 - right,
+            1 - 1.9 * size / height,
+            3 * gap / (1 - left - right - 2 * gap),
+        )
+        _first_graph(graphs[0], trajectories)
+        _series(graphs[1], trajectories, "$V$  (m)", [one.values for one in trajectories])
+        _series(graphs[2], trajectories, "$H$  (m/s)", [one.hamiltonians for one in trajectories])
+        start, end = trajectories[0].times[0], max(one.times[-1] for one in trajectories)
+        for axes in graphs:
+            axes.tick_params(length=2, pad=2, width=0.6)
+            axes.set_xlim(start, end if end > start else start + 1.0)
+            axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+            axes.text(1.01, -0.03, "s", transform=axes.transAxes, va="top", fontsize=points)
+        data = io.BytesIO()
+        figure.savefig(data, format="png")
+    boxes = tuple(
+        (box.x0, height - box.y1, box.x1, height - box.y0)
+        for box in (axes.get_window_extent() for axes in graphs)
+    )
+    first, last = graphs[0].get_xlim()
+    return Panel(Image.open(data).convert("RGB"), boxes, (float(first), float(last)), size)
+
+
+def _first_graph(axes: Axes, trajectories: Sequence[Trajectory]) -> None:
+    """Of one episode the torques, of two the speeds."""
+    if len(trajectories) > 1:
+        _series(axes, trajectories, "speed  (m/s)", [one.speeds() for one in trajectories])
+        return
+    (one,) = trajectories
+    plain_axes(axes)
+    scale = control_lanes(axes, one.times, one.controls, one.parameters.torque_limits, " N·m")
+    _entitle(axes, f"torques  (lane: {scale})")
+
+
+def _series(axes: Axes, trajectories: Sequence[Trajectory], title: str, series: Sequence[Array]) -> None:
+    """Lines against time; the rare extremes after a turn may leave the graph."""
+    plain_axes(axes)
+    _entitle(axes, title)
+    for one, values, color in zip(trajectories, series, SERIES_COLORS, strict=False):
+        axes.plot(one.times, values, color=color, linewidth=1.0)
+    known = np.concatenate([values[np.isfinite(values)] for values in series])
+    if known.size:
+        low, high = np.quantile(known, [0.005, 0.995])
+        margin = 0.08 * (high - low) or 1.0
+        axes.set_ylim(low - margin, high + margin)
+    axes.yaxis.set_major_locator(MaxNLocator(4))
+
+
+def _entitle(axes: Axes, title: str) -> None:
+    """At the upper left; at the upper right stand the numbers of a moment."""
+    axes.set_title(title, loc="left", pad=0.35 * matplotlib.rcParams["font.size"])
+
+
+def draw_moment(image: Image.Image, panel: Panel, time: float, numbers: Sequence[Sequence[float]]) -> None:
+    """Mark ``time`` (s) in a copy of the panel that stands at the bottom of ``image``, and write what is there.
+
+    ``numbers``: of each graph, the values of each swimmer at that time, or none.
+    """
+    draw = ImageDraw.Draw(image)
+    above = image.height - panel.picture.height
+    first, last = panel.times
+    share = min(max((time - first) / (last - first), 0.0), 1.0)
+    for (left, top, right, bottom), values in zip(panel.boxes, numbers, strict=True):
+        x = round(left + share * (right - left))
+        draw.line((x, above + top, x, above + bottom), fill=INK, width=max(1, panel.size // 12))
+        end = right
+        colors = SERIES_COLORS if len(values) > 1 else (INK,)
+        for value, color in reversed([*zip(values, colors, strict=False)]):
+            text = signed(value) if math.isfinite(value) else ""
+            end -= text_width(text, panel.size)
+            write(image, (end, above + top - 0.35 * panel.size), text, color, panel.size)
+            end -= 0.6 * panel.size
+    draw.line((0, above, image.width, above), fill=GREY)
