@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import inspect
 import io
 import logging
 import os
@@ -82,8 +83,10 @@ def write_swim_page(app: Any, exception: Exception | None) -> None:
             raise RuntimeError(f"swimmer-mj page did not write {out}")
 
 
-def docstring(_app: Any, what: str, _name: str, _obj: Any, _options: Any, lines: list[str]) -> None:
+def docstring(_app: Any, what: str, _name: str, obj: Any, _options: Any, lines: list[str]) -> None:
     """Docstrings as they are read in the source."""
+    if what == "data" and "\n".join(lines).strip() == inspect.cleandoc(obj.__doc__ or ""):
+        lines.clear()  # of the class, a tuple's for instance
     lines[:] = as_read(lines)
     if what in {"attribute", "data", "property"}:
         lines[:1] = [f": {line}" for line in lines[:1]]  # there is no type before a colon
