@@ -16,6 +16,9 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
+from sphinx import addnodes
+
 os.environ.setdefault("MUJOCO_GL", "disabled")  # nothing here draws by OpenGL
 logging.getLogger("absl").setLevel(logging.WARNING)  # dm_control says which OpenGL it takes
 
@@ -69,6 +72,7 @@ autodoc_typehints_format = "short"
 autodoc_type_aliases = {"Array": "Array"}
 python_use_unqualified_type_names = True
 toc_object_entries = False
+ARRAY = re.compile(r"TypeAliasForwardRef\('Array'\)|ndarray\[tuple\[Any, \.\.\.\], dtype\[float64\]\]")
 
 
 def write_swim_page(app: Any, exception: Exception | None) -> None:
@@ -112,7 +116,17 @@ def _introduces(lines: list[str]) -> bool:
     return last.endswith("::") or bool(re.match(r" *([-*]|\d+\.|\.\.) ", last))
 
 
+def short_arrays(_app: Any, doctree: nodes.document) -> None:
+    """Signatures say Array, as the source does."""
+    for kind in (addnodes.desc_annotation, addnodes.desc_parameter, addnodes.desc_returns):
+        for node in doctree.findall(kind):
+            if (short := ARRAY.sub("Array", node.astext())) != node.astext():
+                node.clear()
+                node += nodes.Text(short)
+
+
 def setup(app: Any) -> None:
     """Called by Sphinx."""
     app.connect("autodoc-process-docstring", docstring, priority=100)  # napoleon is at 500
+    app.connect("doctree-read", short_arrays)
     app.connect("build-finished", write_swim_page)
