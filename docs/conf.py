@@ -116,11 +116,12 @@ def _introduces(lines: list[str]) -> bool:
     return last.endswith("::") or bool(re.match(r" *([-*]|\d+\.|\.\.) ", last))
 
 
-def short_arrays(_app: Any, doctree: nodes.document) -> None:
+def short_arrays(_app: Any, doctree: nodes.document, _docname: str) -> None:
     """Signatures say Array, as the source does."""
     for kind in (addnodes.desc_annotation, addnodes.desc_parameter, addnodes.desc_returns):
         for node in doctree.findall(kind):
-            if (short := ARRAY.sub("Array", node.astext())) != node.astext():
+            text = "".join(child.astext() for child in node.children)
+            if (short := ARRAY.sub("Array", text)) != text:
                 node.clear()
                 node += nodes.Text(short)
 
@@ -128,5 +129,5 @@ def short_arrays(_app: Any, doctree: nodes.document) -> None:
 def setup(app: Any) -> None:
     """Called by Sphinx."""
     app.connect("autodoc-process-docstring", docstring, priority=100)  # napoleon is at 500
-    app.connect("doctree-read", short_arrays)
+    app.connect("doctree-resolved", short_arrays)
     app.connect("build-finished", write_swim_page)
