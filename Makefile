@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
 .DELETE_ON_ERROR:
-.PHONY: setup demo test check lint types bench figures clean
+.PHONY: setup demo test check lint types docs bench figures release clean
 
 setup: $(STAMP)
 
@@ -26,13 +26,21 @@ lint: setup
 types: setup
 	tools/types.sh $(VENV)
 
-check: lint types test
+docs: setup
+	$(BIN)/python -m sphinx -c docs -E -W -q . build/site
+	MUJOCO_GL=disabled $(BIN)/python tools/check_site.py build/site
+	@echo "the site: build/site/index.html"
+
+check: lint types docs test
 
 bench: setup
 	$(BIN)/swimmer-mj bench
 
 figures: setup
 	$(BIN)/swimmer-mj figures
+
+release: setup
+	$(BIN)/python tools/release.py
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -42,6 +42,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "value-gradient-seeds": tables.value_gradient_seeds,
     "changed-swimmers": tables.changed_swimmers,
     "measured": measured.measured,
+    "headlines": measured.headlines,
     "policies": tables.policies,
     "interval-coverage": tables.coverage,
     "engines": tables.engines,

@@ -1,4 +1,4 @@
-"""The table "Measured" of the README: one row a result, from the log that has it."""
+"""The table of docs/results.md: one row a result, from the log that has it; and the README's, a part of it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from swimmer_mj.learning.td.continuous_td import TDSettings
 
 Row = tuple[str, str, str]
 
-LEARNERS = "`benchmarks/compare_learners.py`, [beyond](docs/beyond.md)"
+LEARNERS = "`benchmarks/compare_learners.py`, [beyond](beyond.md)"
 
 
 def physics() -> list[Row]:
@@ -127,7 +127,7 @@ def paper() -> list[Row]:
 def throughput() -> list[Row]:
     """Steps per second."""
     rates = speeds()["engines"]
-    by = "`benchmarks/learning_speed.py`, [performance](docs/performance.md)"
+    by = "`benchmarks/learning_speed.py`, [performance](performance.md)"
     both = f"{thousands(rates['population'])}; {thousands(rates['population_all_cores'])}"
     return [
         ("bare `mj_step`, 5 links, Euler, no friction, 1/s", thousands(rates["mj_step"]), by),
@@ -145,3 +145,10 @@ def throughput() -> list[Row]:
 def measured() -> Summary:
     """All of it."""
     return Summary("", ("what", "measured", "by"), [*physics(), *learning(), *paper(), *throughput()])
+
+
+def headlines() -> Summary:
+    """What the README says of each part, without where it comes from."""
+    physics_rows, learning_rows, speed_rows = physics(), learning(), throughput()
+    rows = [physics_rows[0], *learning_rows[:3], paper()[0], speed_rows[2], speed_rows[-1]]
+    return Summary("", ("what", "measured"), [row[:2] for row in rows])

@@ -2,7 +2,7 @@
 
     python benchmarks/policies.py
 
-writes benchmarks/results/policies.csv, a row a policy; README.md has the table.
+writes benchmarks/results/policies.csv, a row a policy; docs/python.md has the table.
 """
 
 from __future__ import annotations

@@ -13,7 +13,6 @@ from swimmer_mj.cli import main
 from swimmer_mj.learning.runs.run import Metrics
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "models" / "README.md"]
 
 
@@ -32,7 +31,7 @@ def code_spans(text):
 # Examples. Those of some pages have tests of their own.
 EXAMPLES = [
     pytest.param(code, id=f"{name}-{number}")
-    for name in ("README.md", "docs/gymnasium.md", "docs/physics.md", "models/README.md")
+    for name in ("docs/python.md", "docs/gymnasium.md", "docs/physics.md", "models/README.md")
     for number, code in enumerate(re.findall(r"```python\n(.*?)```", page(name), re.DOTALL), start=1)
 ]
 
@@ -72,7 +71,16 @@ def test_a_relative_link_leads_to_a_file(path, target):
 
 def test_links_are_found_and_reach_every_page():
     reached = {(path.parent / target).resolve() for path, target in (link.values for link in LINKS)}
-    assert reached >= {path for path in PAGES if path.name != "README.md" or path.parent.name == "models"}
+    entries = {
+        (path.parent / f"{entry}.md").resolve()
+        for path in PAGES
+        for block in re.findall(r"```\{toctree\}\n(.*?)```", path.read_text(encoding="utf-8"), re.DOTALL)
+        for entry in re.findall(r"^[\w./-]+$", block, re.MULTILINE)
+    }
+    pages = {path for path in PAGES if path.name != "README.md" or path.parent.name == "models"}
+    assert entries == pages - {ROOT / "docs" / "index.md"}  # in the site, each has one place
+    assert reached >= pages - {path for path in pages if path.parent.name == "decisions"}
+    assert reached & {path for path in pages if path.parent.name == "decisions"}
 
 
 # The paper map
@@ -147,10 +155,11 @@ def test_a_command_and_its_options_exist(command, capsys):
         assert re.search(rf"{option}\b", shown), option
 
 
-def test_readme_names_every_command(capsys):
+def test_the_page_of_commands_names_every_command(capsys):
     assert main(["--help"]) == 0
     (names,) = re.findall(r"\{([a-z,]+)\}", capsys.readouterr().out)
-    assert {*re.findall(r"^\| `swimmer-mj ([a-z]+)", README, re.MULTILINE)} == {*names.split(",")}
+    rows = re.findall(r"^\| `swimmer-mj ([a-z]+)", page("docs/commands.md"), re.MULTILINE)
+    assert {*rows} == {*names.split(",")}
 
 
 @pytest.mark.parametrize("command", ["swim", "train --sed 1", "evaluate --out RUN"])
@@ -163,7 +172,8 @@ def test_make_targets_exist():
     targets = {
         name for path in PAGES for name in re.findall(r"(?:^|`)make ([a-z]+)", path.read_text(), re.MULTILINE)
     }
-    assert {"demo", "test"} <= targets <= {*re.findall(r"^([a-z]+):", page("Makefile"), re.MULTILINE)}
+    there = {*re.findall(r"^([a-z]+):", page("Makefile"), re.MULTILINE)}
+    assert {"demo", "test", "docs", "release"} <= targets <= there
 
 
 # Facts stated twice
@@ -208,7 +218,20 @@ def test_every_dependency_has_its_reason():
             assert f"`{bound}`" in rows[package], package
 
 
-def test_versions_agree():
-    (version,) = re.findall(r'^version = "(.*)"', page("pyproject.toml"), re.MULTILINE)
-    assert f"\nversion: {version}\n" in page("CITATION.cff")
-    assert f"\n## [{version}]" in page("CHANGELOG.md")
+def test_every_package_of_the_docs_extra_has_its_reason():
+    (extra,) = re.findall(r"^docs = \[(.*)\]", page("pyproject.toml"), re.MULTILINE)
+    (reasons,) = re.findall(r"^- `docs`: (.*?)^- ", page("docs/dependencies.md"), re.DOTALL | re.MULTILINE)
+    for package in re.findall(r'"([\w-]+)', extra):
+        assert package in reasons
+
+
+def test_the_first_two_commands_of_the_readme_are_make_demo_and_make_test():
+    (block,) = re.findall(r"```sh\n(.*?)```", page("README.md"), re.DOTALL)
+    assert [line.partition("#")[0].strip() for line in block.splitlines()] == ["make demo", "make test"]
+    assert page("README.md").count("<!-- table:") == 1
+    assert len(page("README.md").splitlines()) < 70
+
+
+def test_the_gallery_has_every_picture():
+    shown = {*re.findall(r"\]\(images/([^)]+)\)", page("docs/gallery.md"))}
+    assert shown == {path.name for path in (ROOT / "docs" / "images").iterdir()}

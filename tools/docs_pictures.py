@@ -1,4 +1,4 @@
-"""The pictures of the documentation: figures of the committed logs; with the name of a policy, the README's two.
+"""The pictures of the documentation: figures of the committed logs; of a policy that is named, strip and animation.
 
     python tools/docs_pictures.py
     MUJOCO_GL=osmesa python tools/docs_pictures.py swim5-paper  # without a screen

@@ -274,7 +274,7 @@ def claims(logs: Logs = LOGS) -> Summary:
             "4, fig. 3",
             "The swimmer swims to the right and, the target reversed, to the left",
             steered,
-            "[README](../README.md)",
+            "[the strip](gallery.md)",
             "yes",
         ),
         ("5", "Convergence is not guaranteed; recycling trajectories could help", beyond, "-", "-"),
