@@ -278,6 +278,7 @@ def any_model() -> Summary:
         rows.append(
             (
                 f"`{task}`",
+                str(len(values)),
                 f"{seconds[task]:.0f}",
                 mean_and_interval_text(values, ".0f"),
                 f"{values.min():.0f}",
@@ -287,6 +288,7 @@ def any_model() -> Summary:
         )
     head = (
         "task",
+        "seeds",
         "seconds of a core",
         "return",
         "worst seed",
