@@ -20,6 +20,11 @@ from swimmer_mj.learning.td.method import TemporalDifferences
 SHORT = ["--problem", "pendulum", "--neurons", "10", "--evaluate-every", "20"]
 
 
+def heed_interrupts():
+    """A shell has what it starts in the background ignore SIGINT, and a process hands that on."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def start(*arguments):
     """A command in a process of its own that has printed its first evaluation."""
     process = subprocess.Popen(
@@ -27,6 +32,7 @@ def start(*arguments):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=heed_interrupts,
     )
     assert process.stdout is not None
     while "<V>" not in (line := process.stdout.readline()):
@@ -38,7 +44,7 @@ def start(*arguments):
 def test_a_signal_saves_and_says_how_to_go_on(tmp_path, number):
     process = start("train", "--out", tmp_path / "a run", *SHORT, "--trials", 10**9)
     process.send_signal(number)
-    _, err = process.communicate()
+    _, err = process.communicate(timeout=120)
     assert process.returncode == 128 + number
     (line,) = err.splitlines()
     before, _, command = line.partition("; go on with: ")

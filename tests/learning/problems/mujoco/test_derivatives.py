@@ -76,8 +76,10 @@ class ByHand:
     def __init__(self, problem):
         self.problem = problem
         self.model = mujoco.MjModel.from_xml_string(problem.xml)
-        if self.model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_RK4):
-            self.model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_EULER)
+        option, kinds = self.model.opt, mujoco.mjtIntegrator
+        if option.integrator in (int(kinds.mjINT_RK4), int(kinds.mjINT_EULER)):
+            fluid = option.density > 0 or option.viscosity > 0
+            option.integrator = int(kinds.mjINT_IMPLICITFAST if fluid else kinds.mjINT_EULER)
         self.data = mujoco.MjData(self.model)
 
     def place(self, x, dof=None, epsilon=0.0):
