@@ -51,6 +51,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "parts-fused": partial(tables.parts, "fused"),
     "parts-population": partial(tables.parts, "population"),
     "memory": tables.memory,
+    "devices": tables.devices,
     "any-model": tables.any_model,
     "long-runs": partial(tables.long_runs, LOGS),
 }

@@ -232,6 +232,16 @@ def memory() -> Summary:
     return Summary("", ("neurons", "connections", "fused", "population, 16 learners"), rows)
 
 
+def devices() -> Summary:
+    """Rounds of value gradients in a second, by engine and device."""
+    table = read_table(RESULTS / "devices.csv")
+    rows = [
+        (f"{table['engine'][i]}, {table['dtype'][i]}", str(table["device"][i]), f"{n:.0f}", f"{rate:.1f}")
+        for i, (n, rate) in enumerate(zip(table["trajectories"], table["rounds_per_second"], strict=True))
+    ]
+    return Summary("", ("engine, network", "device", "trajectories", "rounds/s"), rows)
+
+
 def long_runs(logs: Path) -> Summary:
     """How long the long runs took."""
     rows = []
