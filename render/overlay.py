@@ -15,17 +15,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from swimmer_mj.render.curves import control_lanes
+from swimmer_mj.render.encoding import Frame
 from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, plain_axes
 from swimmer_mj.trajectory import Trajectory
 
 __all__ = ["SERIES_COLORS", "Panel", "draw_arcs", "draw_moment", "make_panel", "signed", "write"]
 
 Array = NDArray[np.float64]
-
-Color = str | tuple[int, int, int]
 
 SERIES_COLORS = (BLUE, ORANGE)
 """Of the first and the second swimmer, where there are two."""
@@ -51,36 +50,72 @@ def signed(value: float) -> str:
     return f"{value:+.2f}".replace("-", "\N{MINUS SIGN}")
 
 
-@functools.lru_cache(maxsize=2048)
-def _word(text: str, size: int, halo: int) -> tuple[Image.Image, float]:
-    """How much of each pixel a word covers, with ``halo`` pixels more on all sides, and how wide it is."""
-    letters = _font(size)
-    width = letters.getlength(text)
-    mask = Image.new("L", (math.ceil(width) + 2 * halo + 2, 2 * size))
-    ImageDraw.Draw(mask).text(
-        (halo + 1, 1.5 * size), text, 255, letters, anchor="ls", stroke_width=halo, stroke_fill=255
-    )
-    return mask, width
+# What is drawn -------------------------------------------------------------------------------------------------------
 
 
-def write(
-    image: Image.Image, place: tuple[float, float], text: str, color: Color, size: int, halo: int = 0
-) -> None:
-    """Write ``text`` into ``image`` from ``place`` on its base line, pixels, with a light edge of ``halo`` pixels.
+@dataclass(frozen=True)
+class _Stamp:
+    """A small picture to be laid into frames again and again: a pixel becomes ``keep`` times what it was, plus ``add``.
 
-    Words are drawn once and kept, which is several times faster than to draw lines of text again and again.
+    That is several times faster than to draw into each frame.
     """
-    space = _font(size).getlength(" ")
+
+    keep: NDArray[np.float32]
+    """(rows, columns, 1), in [0, 1]."""
+    add: NDArray[np.float32]
+    """(rows, columns, 3), with the half that rounds."""
+
+    @classmethod
+    def of(cls, *layers: tuple[Image.Image, str]) -> _Stamp:
+        """Of colours and how much of each pixel they cover, the lowest first; all of one size."""
+        width, height = layers[0][0].size
+        keep, add = np.ones((height, width, 1), np.float32), np.zeros((height, width, 3), np.float32)
+        for mask, color in layers:
+            cover = np.asarray(mask, np.float32)[..., None] / np.float32(255)
+            keep *= 1 - cover
+            add += cover * (np.array(_rgb(color), np.float32) - add)
+        return cls(keep, add + np.float32(0.5))
+
+    def lay(self, frame: Frame, left: int, top: int) -> None:
+        """Into ``frame``; what does not fit into it is cut off."""
+        (height, width), (rows, columns) = frame.shape[:2], self.add.shape[:2]
+        low, high = max(top, 0), min(top + rows, height)
+        first, last = max(left, 0), min(left + columns, width)
+        if low < high and first < last:
+            here = slice(low - top, high - top), slice(first - left, last - left)
+            part = frame[low:high, first:last]
+            part[...] = part * self.keep[here] + self.add[here]
+
+
+@functools.lru_cache
+def _rgb(color: str) -> tuple[int, ...]:
+    return ImageColor.getrgb(color)
+
+
+@functools.lru_cache(maxsize=2048)
+def _word(text: str, color: str, size: int, halo: int) -> _Stamp:
+    """A word, with ``halo`` + 1 pixels or more around it; its base line is in row 1.5 ``size``."""
+    letters = _font(size)
+    layers = []
     for edge, ink in ((halo, PAPER), (0, color)) if halo else ((0, color),):
-        x = place[0]
-        for word in text.split(" "):
-            if word:
-                mask, width = _word(word, size, edge)
-                image.paste(ink, (round(x) - edge - 1, round(place[1] - 1.5 * size)), mask)
-                x += width
-            x += space
+        mask = Image.new("L", (math.ceil(letters.getlength(text)) + 2 * halo + 2, 2 * size))
+        place = halo + 1, 1.5 * size
+        ImageDraw.Draw(mask).text(place, text, 255, letters, anchor="ls", stroke_width=edge, stroke_fill=255)
+        layers.append((mask, ink))
+    return _Stamp.of(*layers)
 
 
+def write(frame: Frame, place: tuple[float, float], text: str, color: str, size: int, halo: int = 0) -> None:
+    """Write ``text`` into ``frame`` from ``place`` on its base line, pixels, with a light edge of ``halo`` pixels."""
+    x, space = place[0], text_width(" ", size)
+    for word in text.split(" "):
+        if word:
+            _word(word, color, size, halo).lay(frame, round(x) - halo - 1, round(place[1] - 1.5 * size))
+            x += text_width(word, size)
+        x += space
+
+
+@functools.lru_cache(maxsize=2048)
 def text_width(word: str, size: int) -> float:
     """Pixels."""
     return _font(size).getlength(word)
@@ -89,13 +124,13 @@ def text_width(word: str, size: int) -> float:
 # Torques ----------------------------------------------------------------------------------------------------------
 
 
-def draw_arcs(image: Image.Image, joints: Array, angles: Array, levels: Array, radius: float) -> None:
-    """Draw the torques u_i into ``image``, as arcs around the joints in the sense in which they turn link i + 1.
+def draw_arcs(frame: Frame, joints: Array, angles: Array, levels: Array, radius: float) -> None:
+    """Draw the torques u_i into ``frame``, as arcs around the joints in the sense in which they turn link i + 1.
 
     Parameters
     ----------
-    image : Image
-        RGB; it is changed.
+    frame : ndarray of uint8, shape (height, width, 3)
+        It is changed.
     joints : ndarray, shape (n - 1, 2)
         Pixels, column and row.
     angles : ndarray, shape (n - 1,)
@@ -108,14 +143,14 @@ def draw_arcs(image: Image.Image, joints: Array, angles: Array, levels: Array, r
     for (x, y), angle, level in zip(joints, angles, levels, strict=True):
         if round(20 * abs(level)) == 0:
             continue
-        mask = _arc(round(radius), round(20 * level), round(math.degrees(angle) / STEP) % (360 // STEP))
-        corner = round(float(x)) - mask.width // 2, round(float(y)) - mask.height // 2
-        image.paste(TORQUE, corner, mask)
+        arc = _arc(round(radius), round(20 * level), round(math.degrees(angle) / STEP) % (360 // STEP))
+        middle = len(arc.add) // 2
+        arc.lay(frame, round(float(x)) - middle, round(float(y)) - middle)
 
 
 @functools.lru_cache(maxsize=4096)
-def _arc(radius: int, twentieths: int, steps: int) -> Image.Image:
-    """How much of each pixel an arc covers, in a square about the joint; its torque in 1/20 of the limit."""
+def _arc(radius: int, twentieths: int, steps: int) -> _Stamp:
+    """An arc in a square about the joint; its torque in 1/20 of the limit."""
     head = 0.45 * radius
     size = 2 * math.ceil(radius + head) + 1
     mask = Image.new("L", (FINER * size, FINER * size))
@@ -133,7 +168,7 @@ def _arc(radius: int, twentieths: int, steps: int) -> Image.Image:
         tip + FINER * head * (f * ahead + s * across) for f, s in ((0.9, 0), (-0.3, 0.75), (-0.3, -0.75))
     )
     draw.polygon([tuple(map(float, corner)) for corner in corners], fill=255)
-    return mask.reduce(FINER)
+    return _Stamp.of((mask.reduce(FINER), TORQUE))
 
 
 # Curves -----------------------------------------------------------------------------------------------------------
@@ -143,8 +178,7 @@ def _arc(radius: int, twentieths: int, steps: int) -> Image.Image:
 class Panel:
     """Curves of whole episodes as a picture, and where in it a moment stands."""
 
-    picture: Image.Image
-    """RGB."""
+    picture: Frame
     boxes: tuple[tuple[float, float, float, float], ...]
     """Of each graph: left, top, right and bottom of its axes, pixels."""
     times: tuple[float, float]
@@ -187,7 +221,7 @@ def make_panel(trajectories: Sequence[Trajectory], width: int, height: int) -> P
         for box in (axes.get_window_extent() for axes in graphs)
     )
     first, last = graphs[0].get_xlim()
-    return Panel(Image.open(data).convert("RGB"), boxes, (float(first), float(last)), size)
+    return Panel(np.array(Image.open(data).convert("RGB")), boxes, (float(first), float(last)), size)
 
 
 def _first_graph(axes: Axes, trajectories: Sequence[Trajectory]) -> None:
@@ -220,23 +254,24 @@ def _entitle(axes: Axes, title: str) -> None:
     axes.set_title(title, loc="left", pad=0.35 * matplotlib.rcParams["font.size"])
 
 
-def draw_moment(image: Image.Image, panel: Panel, time: float, numbers: Sequence[Sequence[float]]) -> None:
-    """Mark ``time`` (s) in a copy of the panel that stands at the bottom of ``image``, and write what is there.
+def draw_moment(frame: Frame, panel: Panel, time: float, numbers: Sequence[Sequence[float]]) -> None:
+    """Mark ``time`` (s) in a copy of the panel that stands at the bottom of ``frame``, and write what is there.
 
     ``numbers``: of each graph, the values of each swimmer at that time, or none.
     """
-    draw = ImageDraw.Draw(image)
-    above = image.height - panel.picture.height
+    above = len(frame) - len(panel.picture)
     first, last = panel.times
     share = min(max((time - first) / (last - first), 0.0), 1.0)
+    thick = max(1, panel.size // 12)
     for (left, top, right, bottom), values in zip(panel.boxes, numbers, strict=True):
-        x = round(left + share * (right - left))
-        draw.line((x, above + top, x, above + bottom), fill=INK, width=max(1, panel.size // 12))
+        x = round(left + share * (right - left)) - thick // 2
+        over = round(top - panel.size / 4)  # so that it is seen on the axis too
+        frame[above + over : above + round(bottom) + 1, x : x + thick] = _rgb(INK)
         end = right
         colors = SERIES_COLORS if len(values) > 1 else (INK,)
         for value, color in reversed([*zip(values, colors, strict=False)]):
             text = signed(value) if math.isfinite(value) else ""
             end -= text_width(text, panel.size)
-            write(image, (end, above + top - 0.35 * panel.size), text, color, panel.size)
+            write(frame, (end, above + top - 0.35 * panel.size), text, color, panel.size)
             end -= 0.6 * panel.size
-    draw.line((0, above, image.width, above), fill=GREY)
+    frame[above] = _rgb(GREY)

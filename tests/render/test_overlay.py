@@ -2,7 +2,6 @@ import math
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from swimmer_mj import PAPER
 from swimmer_mj.render.overlay import draw_arcs, draw_moment, make_panel, write
@@ -10,19 +9,17 @@ from swimmer_mj.render.video import frames
 from swimmer_mj.state import expand, joint_positions
 from swimmer_mj.trajectory import Trajectory
 
-WHITE = (255, 255, 255)
 
-
-def violet(picture):
+def violet(frame):
     """Rows and columns of the arcs' colour, shape (pixels, 2)."""
-    rgb = np.asarray(picture).astype(int)
+    rgb = frame.astype(int)
     return np.argwhere((rgb[..., 2] - rgb[..., 1] > 60) & (rgb[..., 0] - rgb[..., 1] > 25))
 
 
 def arcs(angle, level, radius=30.0):
-    image = Image.new("RGB", (201, 201), WHITE)
-    draw_arcs(image, np.array([[100.0, 100.0]]), np.array([angle]), np.array([level]), radius)
-    return violet(image) - 100
+    frame = np.full((201, 201, 3), 255, np.uint8)
+    draw_arcs(frame, np.array([[100.0, 100.0]]), np.array([angle]), np.array([level]), radius)
+    return violet(frame) - 100
 
 
 def test_an_arc_opens_towards_its_link_and_its_head_is_where_the_torque_turns_it_to():
@@ -68,10 +65,10 @@ def panels(episode):
 
 
 def moment(panel, time, numbers):
-    image = Image.new("RGB", (640, 200), WHITE)
-    image.paste(panel.picture, (0, 200 - panel.picture.height))
-    draw_moment(image, panel, time, numbers)
-    return np.asarray(image).astype(int)
+    frame = np.full((200, 640, 3), 255, np.uint8)
+    frame[200 - len(panel.picture) :] = panel.picture
+    draw_moment(frame, panel, time, numbers)
+    return frame.astype(int)
 
 
 NOTHING = [[], [math.nan], [math.nan]]
@@ -105,8 +102,7 @@ def test_the_numbers_stand_above_their_graphs(panels):
 
 def test_graphs_show_what_the_episode_has(panels, episode):
     V, H = (
-        np.asarray(panels[1].picture).astype(int)[:, int(left) : int(right)]
-        for left, _, right, _ in panels[1].boxes[1:]
+        panels[1].picture.astype(int)[:, int(left) : int(right)] for left, _, right, _ in panels[1].boxes[1:]
     )
     rows = [np.argwhere(graph[..., 2] - graph[..., 0] > 100).T for graph in (V, H)]
     for (row, column), series in zip(rows, (episode.values, episode.hamiltonians), strict=True):
@@ -116,11 +112,20 @@ def test_graphs_show_what_the_episode_has(panels, episode):
 
 
 def test_text_is_where_it_is_put():
-    image = Image.new("RGB", (200, 60), (120, 180, 200))
-    write(image, (20, 40), "t = 1.00 s", "#000000", 20, halo=2)
-    dark = np.argwhere(np.asarray(image).max(axis=-1) < 60)
-    light = np.argwhere(np.asarray(image).min(axis=-1) > 235)
+    frame = np.full((60, 200, 3), (120, 180, 200), np.uint8)
+    write(frame, (20, 40), "t = 1.00 s", "#000000", 20, halo=2)
+    dark = np.argwhere(frame.max(axis=-1) < 60)
+    light = np.argwhere(frame.min(axis=-1) > 235)
     assert 18 < dark[:, 1].min() < 26
     assert 24 < dark[:, 0].min() < dark[:, 0].max() <= 40
     assert len(light) > 100
     assert light[:, 1].min() < dark[:, 1].min()
+
+
+@pytest.mark.parametrize("place", [(-8, 12), (40, 70), (190, 4), (300, 30), (20, -40)])
+def test_text_that_does_not_fit_is_cut_off_and_the_rest_is_untouched(place):
+    """As the same text in a larger frame."""
+    frame, larger = (np.full((h, w, 3), (120, 180, 200), np.uint8) for h, w in ((60, 200), (260, 600)))
+    write(frame, place, "12.34 m", "#1a55a0", 20, halo=2)
+    write(larger, (place[0] + 200, place[1] + 100), "12.34 m", "#1a55a0", 20, halo=2)
+    np.testing.assert_array_equal(frame, larger[100:160, 200:400])
