@@ -1,7 +1,7 @@
 """Many runs of one question: each has a directory of its own, all have a row of one table.
 
 The same jobs in the same directory go on where they stopped. Runs that their method can put in a team learn in step,
-whatever their settings (:mod:`~swimmer_mj.learning.runs.together`).
+whatever their settings (:mod:`~swimmer_mj.learning.runs.together`). Where they learn is the business of an engine.
 """
 
 from __future__ import annotations
@@ -10,8 +10,7 @@ import csv
 import itertools
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,29 +18,15 @@ import numpy as np
 
 from swimmer_mj.files import replacing
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint
-from swimmer_mj.learning.runs.config import CONFIG, RunConfig, read_config
-from swimmer_mj.learning.runs.run import CHECKPOINT, TrainingRun
-from swimmer_mj.learning.runs.together import Report, train_together
+from swimmer_mj.learning.runs.config import CONFIG, read_config
+from swimmer_mj.learning.runs.engines.local import LocalEngine
+from swimmer_mj.learning.runs.jobs import Engine, Job, News, state_of
+from swimmer_mj.learning.runs.run import CHECKPOINT
 
-__all__ = ["Job", "grid", "random_search", "rows_of", "run_jobs", "settings_name", "write_rows"]
+__all__ = ["grid", "random_search", "rows_of", "run_jobs", "settings_name", "write_rows"]
 
-DIVERGED = "diverged.txt"
-"""In the directory of a run that has diverged: why. The run is left alone until it is removed."""
-AT_ONCE = 128
-"""Runs in memory at a time."""
 COUNTED = ("trials", "seconds", "speed", "last_speed", "state")
 """The columns of the table that are no settings."""
-
-
-@dataclass(frozen=True)
-class Job:
-    """One run."""
-
-    name: str
-    """Of its directory, inside that of the sweep."""
-    settings: Mapping[str, Any]
-    """What sets it apart from the others; the seed aside."""
-    config: RunConfig
 
 
 def grid(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
@@ -95,57 +80,23 @@ def run_jobs(
     directory: Path,
     trials: int,
     *,
-    report: Callable[[Report], None] = lambda report: None,
+    engine: Engine | None = None,
+    report: Callable[[News], None] = lambda news: None,
     stop: Callable[[], bool] = lambda: False,
-    workers: int | None = None,
 ) -> None:
     """Have all ``jobs`` learn ``trials`` trials, those left from an earlier call only what is left of them.
 
-    A run that diverges says so in its row; the others go on.
+    A run that diverges says so in its row; the others go on. They learn on this machine, if no ``engine`` is given.
     """
     for job in jobs:
         _require_the_same(job, directory)
-    unfinished = [job for job in jobs if _state(directory / job.name, trials) == "unfinished"]
-    for some in _batches(unfinished, AT_ONCE):
-        if stop():
-            return
-        runs = [_open(job, directory) for job in some]
-
-        def note(news: Report) -> None:
-            if news.warning is not None:
-                with replacing(news.run.directory / DIVERGED) as partial:
-                    partial.write_text(news.warning + "\n", encoding="utf-8")
-            report(news)
-
-        try:
-            train_together(runs, trials=trials, report=note, stop=stop, workers=workers)
-        except FloatingPointError:
-            continue  # note() has written it down
-
-
-def _batches(jobs: Sequence[Job], size: int) -> Iterator[Sequence[Job]]:
-    for start in range(0, len(jobs), size):
-        yield jobs[start : start + size]
-
-
-def _open(job: Job, directory: Path) -> TrainingRun:
-    path = directory / job.name
-    return TrainingRun(path, job.config, resume=(path / CONFIG).exists())
+    (engine or LocalEngine()).run(jobs, directory, trials, report, stop)
 
 
 def _require_the_same(job: Job, directory: Path) -> None:
     path = directory / job.name
     if (path / CONFIG).exists() and read_config(path) != job.config:
         raise ValueError(f"{path} holds a run with other settings; choose another directory with --out")
-
-
-def _state(path: Path, trials: int) -> str:
-    """One of done, diverged, unfinished."""
-    if (path / DIVERGED).exists():
-        return "diverged"
-    if (path / CHECKPOINT).exists() and load_checkpoint(path / CHECKPOINT)[1]["trial"] >= trials:
-        return "done"
-    return "unfinished"
 
 
 def rows_of(jobs: Sequence[Job], directory: Path, trials: int) -> list[dict[str, Any]]:
@@ -158,7 +109,13 @@ def rows_of(jobs: Sequence[Job], directory: Path, trials: int) -> list[dict[str,
     for job in jobs:
         path = directory / job.name
         row: dict[str, Any] = {"job": job.name, "seed": job.config.seed, **job.settings}
-        row |= {"trials": 0, "seconds": 0.0, "speed": None, "last_speed": None, "state": _state(path, trials)}
+        row |= {
+            "trials": 0,
+            "seconds": 0.0,
+            "speed": None,
+            "last_speed": None,
+            "state": state_of(path, trials),
+        }
         if (path / CHECKPOINT).exists():
             info = load_checkpoint(path / CHECKPOINT)[1]
             row |= {"trials": info["trial"], "seconds": info["seconds"]}

@@ -8,14 +8,24 @@ import threading
 import time
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from swimmer_mj.learning.method import Along, Team, TeamMethod
+from swimmer_mj.learning.runs.config import RunConfig
 from swimmer_mj.learning.runs.run import Metrics, TrainingRun
 
-__all__ = ["RESTORES", "SAVE_SECONDS", "STRETCH_SECONDS", "Pack", "Progress", "Report", "train_together"]
+__all__ = [
+    "RESTORES",
+    "SAVE_SECONDS",
+    "STRETCH_SECONDS",
+    "Pack",
+    "Progress",
+    "Report",
+    "packed",
+    "train_together",
+]
 
 SAVE_SECONDS = 20.0
 """Of learning that a run may lose when its process is killed; and a stretch."""
@@ -47,18 +57,36 @@ class Report(NamedTuple):
     """After a divergence."""
 
 
-def _team_key(run: TrainingRun) -> Hashable | None:
+def _team_key(config: RunConfig) -> Hashable | None:
     """What runs must share to learn in step; None: this one learns alone."""
-    method = run.config.method
-    if not isinstance(method, TeamMethod):
+    if not isinstance(config.method, TeamMethod):
         return None
-    key = method.team_key(run.problem)
-    return None if key is None else (key, run.config.evaluate_every)
+    key = config.method.team_key(config.problem)
+    return None if key is None else (key, config.evaluate_every)
 
 
-def _team_size(run: TrainingRun) -> int:
-    method = run.config.method
-    return method.team_size if isinstance(method, TeamMethod) else 1
+def _team_size(config: RunConfig) -> int:
+    return config.method.team_size if isinstance(config.method, TeamMethod) else 1
+
+
+def packed(configs: Sequence[RunConfig], workers: int) -> list[list[int]]:
+    """Indices of the runs that learn in step, a list a pack.
+
+    The packs that can be made of the same runs are of about one size, and as few as keep all ``workers`` busy.
+    """
+    alike: dict[Hashable, list[int]] = {}
+    for i, config in enumerate(configs):
+        alike.setdefault(_team_key(config) or i, []).append(i)
+    groups = list(alike.values())
+    counts = [-(-len(group) // _team_size(configs[group[0]])) for group in groups]
+    while sum(counts) < min(workers, len(configs)):
+        largest = max(range(len(groups)), key=lambda k: len(groups[k]) / counts[k])
+        counts[largest] += 1
+    return [
+        group[i * len(group) // count : (i + 1) * len(group) // count]
+        for group, count in zip(groups, counts, strict=True)
+        for i in range(count)
+    ]
 
 
 class Pack:
@@ -71,7 +99,7 @@ class Pack:
     def __init__(self, runs: Sequence[TrainingRun], restore: bool = False) -> None:
         self.runs = list(runs)
         self.restore = restore
-        if len(runs) > 1 and _team_key(runs[0]) is None:
+        if len(runs) > 1 and _team_key(runs[0].config) is None:
             raise ValueError(f"these runs learn one at a time, got {len(runs)}")
         self._diverged: list[str] = []
         self._join()
@@ -79,27 +107,16 @@ class Pack:
     def _join(self) -> None:
         """Have the learners of the runs that are left learn in step."""
         self._team: Team | None = None
-        if self.runs and _team_key(self.runs[0]) is not None:
+        if self.runs and _team_key(self.runs[0].config) is not None:
             method = self.runs[0].config.method
             assert isinstance(method, TeamMethod)
             self._team = method.team([run.learning for run in self.runs])
 
     @staticmethod
     def of(runs: Sequence[TrainingRun], workers: int, restore: bool = False) -> list[Pack]:
-        """Packs of ``runs`` that can learn in step, all of about one size: as few as keep all ``workers`` busy."""
-        alike: dict[Any, list[TrainingRun]] = {}
-        for run in runs:
-            alike.setdefault(_team_key(run) or id(run), []).append(run)
-        groups = list(alike.values())
-        counts = [-(-len(group) // _team_size(group[0])) for group in groups]
-        while sum(counts) < min(workers, len(runs)):
-            largest = max(range(len(groups)), key=lambda k: len(groups[k]) / counts[k])
-            counts[largest] += 1
-        return [
-            Pack(group[i * len(group) // count : (i + 1) * len(group) // count], restore)
-            for group, count in zip(groups, counts, strict=True)
-            for i in range(count)
-        ]
+        """Packs of ``runs`` that can learn in step: :func:`packed`."""
+        shares = packed([run.config for run in runs], workers)
+        return [Pack([runs[i] for i in share], restore) for share in shares]
 
     def advance(
         self,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json as json_module
+import re
 import shlex
 import tomllib
 from pathlib import Path
@@ -17,12 +18,15 @@ from swimmer_mj.cli.signals import StoppedError, asked_to_stop
 from swimmer_mj.cli.training import OPTIONS, changed, configured, parse_seeds
 
 if TYPE_CHECKING:
-    from swimmer_mj.learning.runs.sweep import Job
-    from swimmer_mj.learning.runs.together import Report
+    from collections.abc import Sequence
+
+    from rich.console import Console
+
+    from swimmer_mj.learning.runs.jobs import Engine, Job, News
 
 __all__ = ["TABLE", "read_jobs", "sweep"]
 
-TABLE, PICTURE = "sweep.csv", "sweep.png"
+TABLE, PICTURE, SCRIPT = "sweep.csv", "sweep.png", "sweep.sbatch"
 MOST_JOBS = 10_000
 KEYS = ("problem", "method", "trials", "seeds", "evaluate_every", "set", "grid", "random")
 
@@ -30,7 +34,10 @@ KEYS = ("problem", "method", "trials", "seeds", "evaluate_every", "set", "grid",
 def sweep(
     file: Positional[Path],
     out: Path,
-    engine: Literal["local"] = "local",
+    engine: Literal["local", "ray", "slurm"] = "local",
+    address: str | None = None,
+    parts: int | None = None,
+    part: str | None = None,
     trust: tuple[str, ...] = (),
     json: bool = False,
 ) -> None:
@@ -42,64 +49,123 @@ def sweep(
     Args:
         file: What to run, as TOML.
         out: Directory of the runs, the table and a picture of it.
-        engine: Where they run: local is this machine.
+        engine: Where they run: local is this machine, ray a Ray cluster; slurm writes the script of an array of jobs.
+            All machines must see --out under the same path.
+        address: Of the Ray cluster, host:port; without it RAY_ADDRESS, else one that runs here, else a new one.
+        parts: Of slurm: jobs in the array; as few as hold all runs by default.
+        part: Train a part only, such as 3/20, the third of twenty, and leave table and picture alone.
         trust: Modules of one's own that may run when the file names them.
         json: Print one JSON object.
     """
     check_directory(out)
     trust_modules(trust)
+    _require_own(engine, address, parts, part)
     jobs, trials = read_jobs(file)
+    where = _engine(engine, file, address, parts, part, trust)
+    if part is not None:
+        jobs = _part(jobs, part)
 
     import torch
 
-    from swimmer_mj.learning.problems.forms import SwimmerForm
     from swimmer_mj.learning.runs.sweep import rows_of, run_jobs, write_rows
-    from swimmer_mj.render.sweep import draw_sweep
 
     torch.set_num_threads(1)  # the learners are the parallelism
     console = make_console(json)
 
-    def report(news: Report) -> None:
-        name = news.run.directory.relative_to(out).as_posix()
+    def report(news: News) -> None:
         if news.warning is not None:
-            print_line(console, f"{name}: {news.warning}")
+            print_line(console, f"{news.job}: {news.warning}" if news.job else news.warning)
         if (row := news.metrics) is not None:
             print_line(
                 console,
-                f"{name}  trials {row.trial:,}  speed {row.speed:.3f}  best {news.run.best_speed:.3f}",
+                f"{news.job}  trials {row.trial:,}  speed {row.speed:.3f}  best {news.best_speed:.3f}",
             )
 
     with asked_to_stop() as signal_number:
-        run_jobs(jobs, out, trials, report=report, stop=lambda: signal_number() is not None)
+        run_jobs(jobs, out, trials, engine=where, report=report, stop=lambda: signal_number() is not None)
         rows = rows_of(jobs, out, trials)
-        write_rows(rows, out / TABLE)
+        if part is None:
+            write_rows(rows, out / TABLE)
         stopped_by = signal_number()
     if stopped_by is not None:
-        again = shlex.join(["swimmer-mj", "sweep", str(file), "--out", str(out)])
+        options = {"--engine": None if engine == "local" else engine, "--address": address, "--part": part}
+        how = [word for name, value in options.items() if value is not None for word in (name, value)]
+        how += ["--trust", *trust] if trust else []
+        again = shlex.join(["swimmer-mj", "sweep", str(file), "--out", str(out), *how])
         raise StoppedError(stopped_by, f"saved; go on with: {again}")
-    swimmers = all(job.config.problem.form(SwimmerForm) is not None for job in jobs)
-    draw_sweep(rows, out / PICTURE, "swimming speed  (m/s)" if swimmers else "mean reward")
+    report_of = _conclude(console, jobs, rows, out, whole=part is None)
+    if engine == "slurm" and report_of["unfinished"]:
+        report_of["submit"] = shlex.join(["sbatch", str(out / SCRIPT)])
+        print_line(console, f"submit what is left, then give this command again: {report_of['submit']}")
+    if json:
+        print_json(report_of)
+
+
+def _require_own(engine: str, address: str | None, parts: int | None, part: str | None) -> None:
+    """ValueError if an option is of another engine."""
+    for name, value, own in (
+        ("--address", address, "ray"),
+        ("--parts", parts, "slurm"),
+        ("--part", part, "local"),
+    ):
+        if value is not None and engine != own:
+            raise ValueError(f"{name} is of --engine {own}, got it with --engine {engine}")
+
+
+def _engine(
+    name: str, file: Path, address: str | None, parts: int | None, part: str | None, trust: tuple[str, ...]
+) -> Engine:
+    """The engine of that name; ValueError if it is not to be had."""
+    from swimmer_mj.learning.runs.engines.local import LocalEngine
+    from swimmer_mj.learning.runs.engines.ray_core import RayEngine
+    from swimmer_mj.learning.runs.engines.slurm import SlurmEngine
+    from swimmer_mj.learning.runs.jobs import PATIENCE
+
+    if name == "ray":
+        return RayEngine(address, trust)
+    if name == "slurm":
+        return SlurmEngine(file, trust, parts)
+    return LocalEngine(patience=0.0 if part is None else PATIENCE)
+
+
+def _part(jobs: Sequence[Job], text: str) -> list[Job]:
+    """The part of ``jobs`` that "3/20" names."""
+    from swimmer_mj.learning.runs.jobs import part
+
+    match = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+        raise ValueError(f"--part must be like 3/20, the third of twenty, got {text!r}")
+    return part(jobs, int(match[1]), int(match[2]))
+
+
+def _conclude(
+    console: Console, jobs: Sequence[Job], rows: list[dict[str, Any]], out: Path, whole: bool
+) -> dict[str, Any]:
+    """Say what came out, and draw it if these are all jobs and any was evaluated; what --json prints."""
+    from swimmer_mj.learning.problems.forms import SwimmerForm
+    from swimmer_mj.render.sweep import draw_sweep
+
     learned = [row for row in rows if row["speed"] is not None]
     best = max(learned, key=lambda row: row["speed"], default=None)
-    states = [row["state"] for row in rows]
-    print_line(
-        console, f"{states.count('done')} of {len(rows)} runs done, {states.count('diverged')} diverged"
-    )
+    states = {
+        state: [row["state"] for row in rows].count(state) for state in ("done", "diverged", "unfinished")
+    }
+    left = f", {states['unfinished']} unfinished" if states["unfinished"] else ""
+    print_line(console, f"{states['done']} of {len(rows)} runs done, {states['diverged']} diverged{left}")
     if best is not None:
         print_line(console, f"best: {out / best['job']}, {best['speed']:.3f} in an evaluation")
-    print_line(console, f"  {out / TABLE}\n  {out / PICTURE}")
-    if json:
-        print_json(
-            {
-                "out": str(out),
-                "jobs": len(rows),
-                "done": states.count("done"),
-                "diverged": states.count("diverged"),
-                "best": None if best is None else {**best, "run": str(out / best["job"])},
-                "table": str(out / TABLE),
-                "picture": str(out / PICTURE),
-            }
-        )
+    report = {
+        "out": str(out),
+        "jobs": len(rows),
+        **states,
+        "best": None if best is None else {**best, "run": str(out / best["job"])},
+    }
+    if whole and learned:
+        swimmers = all(job.config.problem.form(SwimmerForm) is not None for job in jobs)
+        draw_sweep(rows, out / PICTURE, "swimming speed  (m/s)" if swimmers else "mean reward")
+        print_line(console, f"  {out / TABLE}\n  {out / PICTURE}")
+        report |= {"table": str(out / TABLE), "picture": str(out / PICTURE)}
+    return report
 
 
 def read_jobs(path: Path) -> tuple[list[Job], int]:
@@ -117,7 +183,8 @@ def read_jobs(path: Path) -> tuple[list[Job], int]:
 
 
 def _jobs(asked: dict[str, Any]) -> tuple[list[Job], int]:
-    from swimmer_mj.learning.runs.sweep import Job, grid, random_search, settings_name
+    from swimmer_mj.learning.runs.jobs import Job
+    from swimmer_mj.learning.runs.sweep import grid, random_search, settings_name
 
     if unknown := sorted(asked.keys() - {*KEYS}):
         raise ValueError(f"there is no {unknown[0]!r}; there are {', '.join(KEYS)}")

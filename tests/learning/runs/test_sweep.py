@@ -12,6 +12,7 @@ from swimmer_mj.cli import main
 from swimmer_mj.cli.sweep import read_jobs
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint
 from swimmer_mj.learning.runs.config import read_config
+from swimmer_mj.learning.runs.engines.local import LocalEngine
 from swimmer_mj.learning.runs.run import TrainingRun
 from swimmer_mj.learning.runs.sweep import grid, random_search, run_jobs, settings_name
 from swimmer_mj.learning.runs.together import train_together
@@ -86,7 +87,7 @@ def test_a_file_becomes_jobs(file):
 def test_the_same_command_goes_on_where_it_stopped(file, tmp_path, capsys):
     """Some runs done, one in the middle, one at its beginning, the others not there: the same bits, and one table."""
     jobs, trials = read_jobs(file)
-    run_jobs(jobs, tmp_path / "whole", trials, workers=1)
+    run_jobs(jobs, tmp_path / "whole", trials, engine=LocalEngine(workers=1))
     out = tmp_path / "parts"
     done, middle, begun = (TrainingRun(out / job.name, job.config) for job in jobs[:3])
     train_together([done], trials=20, workers=1)
