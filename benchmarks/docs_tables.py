@@ -53,6 +53,8 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "memory": tables.memory,
     "devices": tables.devices,
     "any-model": tables.any_model,
+    "cluster-scale": tables.cluster_scale,
+    "run-cost": tables.run_cost,
     "long-runs": partial(tables.long_runs, LOGS),
 }
 

@@ -242,6 +242,48 @@ def devices() -> Summary:
     return Summary("", ("engine, network", "device", "trajectories", "rounds/s"), rows)
 
 
+def cluster_scale() -> Summary:
+    """What the coordinator of a sweep on a Ray cluster has to do, by the number of nodes."""
+    measured = json.loads((RESULTS / "cluster-scale.json").read_text(encoding="utf-8"))
+    services = "Ray's services: s a task"
+    rows = [
+        (
+            thousands(row["nodes"]),
+            thousands(row["nodes"] * measured["pack"]["runs in a pack"]),
+            f"{1e3 * row['driver: s a task']:.1f}",
+            f"{1e3 * row[services]:.1f}",
+            f"{100 * row['driver: share of a core while it waits']:.1f}",
+        )
+        for row in measured["coordinator"]
+    ]
+    header = (
+        "nodes",
+        "runs at a time",
+        "driver, ms a task",
+        "Ray's services, ms a task",
+        "driver while it waits, % of a core",
+    )
+    return Summary("", header, rows)
+
+
+def run_cost() -> Summary:
+    """What a run of the paper's learner costs in a pack, and leaves."""
+    measured = json.loads((RESULTS / "cluster-scale.json").read_text(encoding="utf-8"))
+    pack = measured["pack"]
+    rows = [
+        ("runs a core-hour, of 100,000 trials", f"{3600 / pack['s a run']:.0f}"),
+        ("bytes a run on disk", thousands(pack["bytes a run"])),
+        ("files a run", f"{pack['files a run']:.0f}"),
+        (
+            "looking at a run, at the beginning and the end of a sweep, ms",
+            f"{1e3 * pack['s to look at a run']:.0f}",
+        ),
+        ("bytes to a task, of 16 runs", thousands(measured["bytes to a task"])),
+        ("bytes back", thousands(measured["bytes from a task"])),
+    ]
+    return Summary("", ("what", "value"), rows)
+
+
 def long_runs(logs: Path) -> Summary:
     """How long the long runs took."""
     rows = []
