@@ -14,6 +14,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import gait_tables
 import measured
 import tables
 import tyro
@@ -52,6 +53,10 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "parts-population": partial(tables.parts, "population"),
     "memory": tables.memory,
     "devices": tables.devices,
+    "gaits": gait_tables.replays,
+    "gait-accelerations": gait_tables.accelerations,
+    "gait-basins": gait_tables.basins,
+    "gait-shares": gait_tables.shares,
     "any-model": tables.any_model,
     "cluster-scale": tables.cluster_scale,
     "run-cost": tables.run_cost,

@@ -3,6 +3,7 @@
     python tools/docs_pictures.py
     MUJOCO_GL=osmesa python tools/docs_pictures.py swim5-paper  # without a screen
     MUJOCO_GL=osmesa python tools/docs_pictures.py pictures     # those of docs/pictures.md
+    python tools/docs_pictures.py gaits                         # that of docs/gaits.md, which pictures draws too
 
 Policies are seen from above for 13 s; the target direction is reversed after 5 s, as in figure 3 of the paper.
 """
@@ -19,11 +20,13 @@ from PIL import Image
 
 from swimmer_mj.files import replacing
 from swimmer_mj.learning.experiments import LOGS
+from swimmer_mj.learning.experiments.gaits.gait import BEST, load_gaits
 from swimmer_mj.learning.pretrained import pretrained_directory
 from swimmer_mj.learning.problems.forms import Policy, SwimmerForm
 from swimmer_mj.learning.runs.run import load_policy
 from swimmer_mj.render.figures import save_figure
 from swimmer_mj.render.gait import gait_diagram
+from swimmer_mj.render.gaits import draw_gaits
 from swimmer_mj.render.links import speed_by_links
 from swimmer_mj.render.phase_portraits import phase_portraits
 from swimmer_mj.render.reproduction import FIGURES
@@ -92,11 +95,20 @@ def draw_pictures() -> None:
     save_small(phase_portraits(paper), IMAGES / "phase-portraits.png")
     save_small(value_map(fast, episode, ("theta2", "theta3")), IMAGES / "value-map.png")
     save_small(speed_by_links(), IMAGES / "speed-by-links.png")
+    draw_best_gaits()
+
+
+def draw_best_gaits() -> None:
+    """That of docs/gaits.md, which is quick."""
+    gaits = {int(path.stem.removeprefix("swim")): load_gaits(path) for path in BEST.glob("swim*.npz")}
+    save_small(draw_gaits(gaits), IMAGES / "gaits.png")
 
 
 if __name__ == "__main__":
     if sys.argv[1:] == ["pictures"]:
         draw_pictures()
+    elif sys.argv[1:] == ["gaits"]:
+        draw_best_gaits()
     elif len(sys.argv) > 1:
         draw_policy(sys.argv[1])
     else:

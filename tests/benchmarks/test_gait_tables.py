@@ -1,0 +1,34 @@
+"""The tables of docs/gaits.md."""
+
+import gait_tables
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from swimmer_mj.learning.experiments.gaits.gait import BEST, load_gaits
+from swimmer_mj.learning.experiments.tables import LOGS, read_table
+
+
+def test_seconds_from_one_speed_to_another():
+    expected, _ = quad(lambda v: 1 / np.exp(np.interp(v, [1.0, 2.0], np.log([1.2, 0.3]))), 1.0, 2.0)
+    assert gait_tables.seconds_between((1.0, 2.0), (1.2, 0.3)) == pytest.approx(expected)
+
+
+def test_every_stored_gait_is_in_the_table_and_the_best_converged_one_of_the_log():
+    table, log = read_table(gait_tables.RESULTS / "gait-replays.csv"), read_table(LOGS / "gaits.csv")
+    stored = {
+        (gait.parameters.n_links, speed): gait.pull
+        for path in BEST.glob("swim*.npz")
+        for speed, gait in load_gaits(path).items()
+    }
+    rows = zip(table["links"].astype(int).tolist(), table["speed"].tolist(), strict=True)
+    assert dict(zip(rows, table["pull"].tolist(), strict=True)) == pytest.approx(stored, rel=1e-5)
+    for (links, speed), pull in stored.items():
+        of_it = (log["links"] == links) & (log["speed"] == speed) & (log["kkt_residual"] <= 1e-6)
+        assert log["pull"][of_it].max() == pytest.approx(pull, rel=1e-5)
+
+
+def test_the_gaits_hold_on_mujoco_to_half_a_percent():
+    table = read_table(gait_tables.RESULTS / "gait-replays.csv")
+    assert (np.abs(table["replayed_speed"] / table["speed"] - 1) < 0.005).all()
+    assert (table["largest_error"] < 0.005).all()
