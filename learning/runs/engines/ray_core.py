@@ -202,6 +202,8 @@ def _connected(address: str | None) -> Iterator[Any]:
         return
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
     given = address or os.environ.get("RAY_ADDRESS")
+    if given is not None:
+        _require_reachable(given)
     with _own_handlers():
         try:
             ray.init(address or "auto", **quiet)
@@ -214,6 +216,17 @@ def _connected(address: str | None) -> Iterator[Any]:
         yield ray
     finally:
         ray.shutdown()
+
+
+def _require_reachable(address: str) -> None:
+    """ConnectionError if nothing listens at host:port; Ray would try for some minutes."""
+    host, colon, port = address.rpartition(":")
+    if not (colon and port.isdigit()):
+        return  # "auto", "local"
+    try:
+        socket.create_connection((host, int(port)), timeout=5).close()
+    except (OSError, OverflowError) as error:
+        raise ConnectionError(f"there is no Ray cluster at {address}: {error}") from error
 
 
 @contextlib.contextmanager

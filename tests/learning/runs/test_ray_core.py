@@ -6,6 +6,7 @@ import dataclasses
 import os
 import shlex
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -201,3 +202,15 @@ def test_without_ray_or_with_a_client_it_says_what_to_do(
     assert complaint in err
     assert err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+@needs_ray
+def test_where_no_cluster_is_it_says_so_at_once(file, tmp_path, capsys):
+    with socket.socket() as taken:  # bound, and nobody listens
+        taken.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        out = tmp_path / "out"
+        assert main(["sweep", str(file), "--out", str(out), "--engine", "ray", "--address", address]) == 2
+    err = capsys.readouterr().err
+    assert f"there is no Ray cluster at {address}: " in err
+    assert err.count("\n") == 1
