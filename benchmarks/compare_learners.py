@@ -12,7 +12,7 @@ from __future__ import annotations
 import csv
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,6 +37,11 @@ NAMES = {
     "ppo": "PPO",
     "sac": "SAC",
     "td3": "TD3",
+    "ours": "value gradients, compiled",
+    "ours-torch": "value gradients, torch",
+    "shac": "SHAC",
+    "apg": "APG",
+    "cfvi": "cFVI",
 }
 SPEEDS = (1.0, 1.5, 2.0)  # m/s
 
@@ -178,7 +183,7 @@ def print_tables(curves: dict[str, list[Curve]], console: Console) -> None:
         console.print(f"1.0 m/s: {ratio_words(ours, 'TD(lambda)', paper, 'simulation steps')}")
 
 
-def draw_curves(axes: Axes, curves: dict[str, list[Curve]], quantity: str) -> None:
+def draw_curves(axes: Axes, curves: Mapping[str, list[Curve]], quantity: str) -> None:
     """Speed against a quantity: median over seeds, each seed faint behind."""
     plain_axes(axes)
     for color, (name, of_name) in zip(COLORS, curves.items(), strict=False):
@@ -194,7 +199,7 @@ def draw_curves(axes: Axes, curves: dict[str, list[Curve]], quantity: str) -> No
     axes.set_ylim(bottom=0)
 
 
-def draw(curves: dict[str, list[Curve]]) -> Figure:
+def draw(curves: Mapping[str, list[Curve]]) -> Figure:
     """Speed against processor time and against simulation."""
     figure = Figure(figsize=(9.6, 4.4), layout="constrained")
     time, simulation = figure.subplots(1, 2, sharey=True)

@@ -12,6 +12,8 @@ import compare_learners
 import numpy as np
 import robustness
 from compare_learners import Curve, reached
+from model_peers import OUT as PEERS_LOG
+from model_peers import curves as peers_curves
 
 from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments.summaries import Summary
@@ -242,6 +244,7 @@ def devices() -> Summary:
     return Summary("", ("engine, network", "device", "trajectories", "rounds/s"), rows)
 
 
+<<<<<<< HEAD
 def cluster_scale() -> Summary:
     """What the coordinator of a sweep on a Ray cluster has to do, by the number of nodes."""
     measured = json.loads((RESULTS / "cluster-scale.json").read_text(encoding="utf-8"))
@@ -282,6 +285,37 @@ def run_cost() -> Summary:
         ("bytes back", thousands(measured["bytes from a task"])),
     ]
     return Summary("", ("what", "value"), rows)
+=======
+def model_peers() -> Summary:
+    """Learners that use the model: time and simulation to each speed, what they end at, in the same time for all."""
+    rows = []
+    for name, curves in peers_curves().items():
+        times = (time_words(curves, speed) for speed in compare_learners.SPEEDS)
+        last = mean_and_interval_text(np.array([curve.speed[-1] for curve in curves]))
+        steps = np.median([curve.simulation_steps[-1] for curve in curves]) / 1e6
+        label, seconds = compare_learners.NAMES[name], f"{budget(curves):.0f}"
+        rows.append((label, str(len(curves)), seconds, *times, last, f"{steps:.1f}"))
+    head = ("learner", "seeds", "seconds for each", *(f"{speed} m/s" for speed in compare_learners.SPEEDS),
+            "last look, m/s", "million steps")  # fmt: skip
+    return Summary("", head, rows)
+
+
+def model_peers_tuning() -> Summary:
+    """Last looks at each setting that was tried."""
+    with PEERS_LOG.open(newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["stage"] == "tune"]
+    last: dict[str, dict[str, Mapping[str, str]]] = {}
+    for row in rows:
+        last.setdefault(row["algorithm"], {})[row["sample"]] = row
+    table = []
+    for name, samples in last.items():
+        speeds = [float(row["speed"]) for row in samples.values()]
+        best = max(samples.values(), key=lambda row: float(row["speed"]))
+        chosen = ", ".join(f"{key} {value}" for key, value in json.loads(best["settings"]).items())
+        label = compare_learners.NAMES[name]
+        table.append((label, ", ".join(f"{speed:.2f}" for speed in speeds), chosen or "the best known"))
+    return Summary("", ("learner", "last looks at the settings tried, m/s", "into the final"), table)
+>>>>>>> 9859f66 (Peers that use the model: SHAC, APG and cFVI on the compiled equations)
 
 
 def long_runs(logs: Path) -> Summary:

@@ -40,6 +40,7 @@ __all__ = [
     "greedy_step",
     "make",
     "pullback",
+    "step",
     "targets",
     "workspace",
 ]
@@ -290,6 +291,22 @@ def greedy_rk4(
     _step(ws, constants, limits, x, dVdx, flips, dt, 4, u, y)
 
 
+@entry_point(**OPTIONS)
+def step(ws: Workspace, constants: ReducedConstants, x: Array, u: Array, dt: float, y: Array) -> None:
+    """y (p, N) is where an Euler step of ``dt`` leads from x (p, N) under the torques u (q, N); may be ``x``."""
+    c, s, F, _, _, cosine, sine, A, at, _, _, f, torque = ws
+    N = x.shape[1]
+    for start in range(0, N, LANES):
+        for i in range(x.shape[0]):
+            store(at, i * LANES, load(x, i * N + start))
+        for k in range(u.shape[0]):
+            store(torque, k * LANES, load(u, k * N + start))
+        _factor(constants.K, at, c, s, cosine, sine, A)
+        _derivative(constants, at, torque, c, s, cosine, sine, A, F, f)
+        for i in range(x.shape[0]):
+            store(y, i * N + start, load(at, i * LANES) + dt * load(f, i * LANES))
+
+
 @njit(forceinline=True, **OPTIONS)
 def _through_forces(
     constants: ReducedConstants,
@@ -370,7 +387,14 @@ def _through_angles(
 
 @njit(**OPTIONS)
 def _pullback(
-    ws: Workspace, constants: ReducedConstants, x: Array, u: Array, dt: float, costate: Array, out: Array
+    ws: Workspace,
+    constants: ReducedConstants,
+    x: Array,
+    u: Array,
+    dt: float,
+    costate: Array,
+    out: Array,
+    d_u: Array,
 ) -> None:
     """As :func:`pullback`. A name with ``d_`` is the adjoint of the quantity behind it, its effect on costate . f."""
     c, s, F, mu, d_normal, cosine, sine, A, at, d_x, _, f, torque = ws
@@ -390,14 +414,26 @@ def _pullback(
         _through_angles(constants, at, cosine, sine, F, f, mu, d_normal, d_x)
         for i in range(x.shape[0]):
             store(out, i * N + start, load(costate, i * N + start) + dt * load(d_x, i * LANES))
+        for k in range(d_u.shape[0]):
+            store(d_u, k * N + start, dt * (load(mu, (k + 1) * LANES) - load(mu, k * LANES)))
 
 
 @entry_point(**OPTIONS)
 def pullback(
-    ws: Workspace, constants: ReducedConstants, x: Array, u: Array, dt: float, costate: Array, out: Array
+    ws: Workspace,
+    constants: ReducedConstants,
+    x: Array,
+    u: Array,
+    dt: float,
+    costate: Array,
+    out: Array,
+    d_u: Array,
 ) -> None:
-    """out (p, N) = (dy/dx)^T costate for an Euler step from x (p, N) to y, with the torques u (q, N) held."""
-    _pullback(ws, constants, x, u, dt, costate, out)
+    """out (p, N) = (dy/dx)^T costate and d_u (q, N) = (dy/du)^T costate, for an Euler step from x (p, N) to y.
+
+    The torques u (q, N) are held in it. Where nobody asks for d_u, it has shape (0, N).
+    """
+    _pullback(ws, constants, x, u, dt, costate, out, d_u)
 
 
 @entry_point(**OPTIONS)
@@ -422,12 +458,12 @@ def targets(
     velocity = p - 2
     l = math.exp(-s_lambda * dt)
     discount = math.exp(-s_gamma * dt)
-    G, g, later = V[T].copy(), dVdx[T].copy(), np.empty((p, N))
+    G, g, later, none = V[T].copy(), dVdx[T].copy(), np.empty((p, N)), np.empty((0, N))
     for t in range(T - 1, -1, -1):
         for i in range(p):
             for b in range(N):
                 later[i, b] = (1 - l) * dVdx[t + 1, i, b] + l * g[i, b]
-        _pullback(ws, constants, x[t], u[t], dt, later, g)
+        _pullback(ws, constants, x[t], u[t], dt, later, g, none)
         for b in range(N):
             G[b] = x[t, velocity, b] * dt + discount * ((1 - l) * V[t + 1, b] + l * G[b])
             out[t, p, b] = G[b]

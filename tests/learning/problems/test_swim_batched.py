@@ -14,7 +14,7 @@ from swimmer_mj.learning.networks.networks import Cascade, Multilayer
 from swimmer_mj.learning.problems.differentiable import transition, transition_pullback
 from swimmer_mj.learning.problems.forms import BatchForm, TorchForm
 from swimmer_mj.learning.problems.swim import Swimming
-from swimmer_mj.learning.problems.swim.batched import greedy_rk4, greedy_step, pullback, workspace
+from swimmer_mj.learning.problems.swim.batched import greedy_rk4, greedy_step, pullback, step, workspace
 from swimmer_mj.learning.problems.swim.reduced import reduced_constants
 from swimmer_mj.learning.value_gradient.equations import value_and_gradient_loss
 from swimmer_mj.parameters import PAPER, SwimmerParameters
@@ -77,10 +77,14 @@ def test_pullback_is_the_transposed_jacobian(parameters):
         problem.form(TorchForm), *map(torch.tensor, (x, u)), dt, torch.tensor(costate)
     )
     columns = [np.ascontiguousarray(y.T) for y in (x, u, costate)]
-    found = np.empty_like(columns[0])
-    ws = workspace(parameters.n_links)
-    pullback(ws, reduced_constants(parameters), columns[0], columns[1], dt, columns[2], found)
+    found, of_torques = np.empty_like(columns[0]), np.empty_like(columns[1])
+    ws, constants = workspace(parameters.n_links), reduced_constants(parameters)
+    pullback(ws, constants, columns[0], columns[1], dt, columns[2], found, of_torques)
     assert found.T == pytest.approx(expected.numpy(), rel=1e-9, abs=1e-10)
+    _, B = problem.drift_and_control_matrix(x)
+    assert of_torques.T == pytest.approx(dt * np.einsum("npq,np->nq", B, costate), rel=1e-9, abs=1e-10)
+    step(ws, constants, columns[0], columns[1], dt, columns[0])
+    assert columns[0].T == pytest.approx(problem.step(x, u, dt), rel=1e-11, abs=1e-12)
     # and torch's is the transposed Jacobian, by central differences
     y, h = torch.tensor(x), 1e-6
     for i in range(x.shape[1]):
