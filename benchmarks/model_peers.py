@@ -6,8 +6,9 @@
 
 The first two add rows to benchmarks/results/model-peers.csv, one for each look at a learner; what is there already is
 not done again. The clock is the processor time of one core, evaluation not counted: the same for all, as is the number
-of settings that are tried. The first setting is the best known, the others are drawn around it; the one that swims fastest
-at its last look goes into the final. ``ours-torch`` is value gradients without compiled code, by the same settings.
+of settings that are tried. The first setting is the best known, the others are drawn around it; the one that swims
+fastest at its last look goes into the final. ``ours-torch`` is value gradients without compiled code, by the same
+settings.
 """
 
 from __future__ import annotations
