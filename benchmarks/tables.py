@@ -51,6 +51,14 @@ def time_words(curves: Sequence[Curve], speed: float) -> str:
     return f"{median}; {mean_and_interval_text(what.spent, digits)}"
 
 
+def each_time_words(curves: Sequence[Curve], speed: float) -> str:
+    """As :func:`time_words`; of a few seeds, which have no interval to speak of, each."""
+    if len(curves) >= 5:
+        return time_words(curves, speed)
+    spent = reached(curves, speed, "cpu_seconds").spent
+    return ", ".join(f"{time:.{1 if time < 10 else 0}f}" if np.isfinite(time) else "never" for time in spent)
+
+
 def learners() -> Summary:
     """Processor time to each speed, and the best, in the time that all seeds of a learner had."""
     rows = []
@@ -290,8 +298,9 @@ def model_peers() -> Summary:
     """Learners that use the model: time and simulation to each speed, what they end at, in the same time for all."""
     rows = []
     for name, curves in peers_curves().items():
-        times = (time_words(curves, speed) for speed in compare_learners.SPEEDS)
-        last = mean_and_interval_text(np.array([curve.speed[-1] for curve in curves]))
+        times = (each_time_words(curves, speed) for speed in compare_learners.SPEEDS)
+        speeds = np.array([curve.speed[-1] for curve in curves])
+        last = mean_and_interval_text(speeds) if len(speeds) >= 5 else ", ".join(map("{:.2f}".format, speeds))
         steps = np.median([curve.simulation_steps[-1] for curve in curves]) / 1e6
         label, seconds = compare_learners.NAMES[name], f"{budget(curves):.0f}"
         rows.append((label, str(len(curves)), seconds, *times, last, f"{steps:.1f}"))
