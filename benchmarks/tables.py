@@ -252,7 +252,6 @@ def devices() -> Summary:
     return Summary("", ("engine, network", "device", "trajectories", "rounds/s"), rows)
 
 
-<<<<<<< HEAD
 def cluster_scale() -> Summary:
     """What the coordinator of a sweep on a Ray cluster has to do, by the number of nodes."""
     measured = json.loads((RESULTS / "cluster-scale.json").read_text(encoding="utf-8"))
@@ -293,7 +292,8 @@ def run_cost() -> Summary:
         ("bytes back", thousands(measured["bytes from a task"])),
     ]
     return Summary("", ("what", "value"), rows)
-=======
+
+
 def model_peers() -> Summary:
     """Learners that use the model: time and simulation to each speed, what they end at, in the same time for all."""
     rows = []
@@ -324,7 +324,6 @@ def model_peers_tuning() -> Summary:
         label = compare_learners.NAMES[name]
         table.append((label, ", ".join(f"{speed:.2f}" for speed in speeds), chosen or "the best known"))
     return Summary("", ("learner", "last looks at the settings tried, m/s", "into the final"), table)
->>>>>>> 9859f66 (Peers that use the model: SHAC, APG and cFVI on the compiled equations)
 
 
 def long_runs(logs: Path) -> Summary:
