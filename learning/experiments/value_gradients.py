@@ -113,6 +113,8 @@ ABLATIONS = (
     variant("trials", "of 20 s", trial_duration=20.0),
     variant("exploration", "5 % of controls flipped", flips=0.05),
     variant("learning rate", "constant", half_life=1e9),
+    variant("initial states", "straight", initial_law="straight"),
+    variant("initial states", "gliding", initial_law="gliding"),
 )
 LASTING = (ABLATIONS[0], variant("learning rate", "1e-4 at least", final_rate=1e-4))
 LINKS = tuple(variant("links", str(n), parameters=SwimmerParameters(n_links=n)) for n in (3, 4, 5, 6, 10))

@@ -39,5 +39,22 @@ def test_other_laws():
     bends = straight[:, :4] - straight[:, :1]
     assert 0.9 < np.abs(bends).max() <= 1.0
     assert np.abs(straight[:, 0]).max() > 3.0
-    with pytest.raises(ValueError, match="law must be 'moderate', 'rest', 'fast' or 'straight', got 'wild'"):
+    with pytest.raises(ValueError, match=r"law must be one of 'moderate', .* 'gliding', got 'wild'"):
         random_initial_state(rng, 4, law="wild")
+
+
+def test_half_of_those_that_glide():
+    states = random_initial_state(np.random.default_rng(3), 4, 4000, "gliding")
+    glides = np.abs(states[:, 8]) > 0.3
+    some, others = states[glides], states[~glides]
+    assert 0.44 < glides.mean() < 0.5  # 0.06 of those that glide are as slow as the others
+    assert (some[:, 9] == 0).all()
+    assert 4.9 < some[:, 8].max() <= 5.0
+    assert some[:, 8].min() > 0
+    tail_first = np.cos(some[:, 0]) < 0
+    assert 0.45 < tail_first.mean() < 0.55
+    off = some[:, :4] - np.pi * tail_first[:, None]
+    assert 0.65 < np.abs(off).max() <= 0.7
+    assert 0.55 < np.ptp(off, axis=1).max() <= 0.6
+    assert np.abs(states[:, 4:8]).max() <= 1.0
+    assert others[:, :4].min() < -3.1

@@ -543,7 +543,7 @@ def test_packs_are_balanced_and_as_many_as_there_are_workers(tmp_path, groups, w
             lambda: TemporalDifferences(engine="fast"),
             "engine must be one of 'auto', 'fused', 'population', 'torch'; got 'fast'",
         ),
-        (lambda: Swimming(initial_law="slow"), "initial_law must be one of .*'straight'; got 'slow'"),
+        (lambda: Swimming(initial_law="slow"), "initial_law must be one of .*'gliding'; got 'slow'"),
         (lambda: Swimming(physics="real"), "physics must be one of 'analytic', 'mujoco'; got 'real'"),
         (
             lambda: ValueGradients(layers=(8,), sigmoid="logistic"),
