@@ -1,12 +1,15 @@
 """Is anything lost when a run is killed, when the disk is full, or when memory ends?
 
-    python benchmarks/kill_and_resume.py [--kills 100] [--seed 0] [--targets td ..] [--json FILE]
+    python benchmarks/kill_and_resume.py [--kills 100] [--seed 0] [--targets td ..] [--log FILE]
 
 Runs of each method, one or several in one go, are killed with SIGKILL and resumed until they are done, again and again:
 at random moments of learning; at random moments while everything is being saved all the time; and right before and
 after each file takes its place, or with half of it written, one after the other. Then the disk is full (a small tmpfs
 for root, else RLIMIT_FSIZE), and memory ends (RLIMIT_AS). Each time, tensors and metrics at the end must be those of
 runs that nothing has happened to, bit for bit, and nothing may be left behind. Exit status 1 if not.
+
+The log has a row for each kill: what the runs were doing, by what they left on disk, and how they ended when they had
+gone on.
 
 Processes are forked from one that has compiled everything, so Linux and macOS only.
 """
@@ -27,13 +30,14 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 
 from swimmer_mj import files
 from swimmer_mj.learning.problems.pendulum import Pendulum
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs import together
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint
 from swimmer_mj.learning.runs.config import CONFIG, RunConfig
@@ -43,6 +47,7 @@ from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.method import TemporalDifferences
 from swimmer_mj.learning.value_gradient.method import ValueGradients
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
+from swimmer_mj.parameters import SwimmerParameters
 
 PERIODS = 2
 KINDS = ("random", "files", "disk", "memory")
@@ -57,12 +62,14 @@ def _td(engine: str, seeds: int) -> list[RunConfig]:
 
 def _gradients(seeds: int) -> list[RunConfig]:
     settings = ValueGradientSettings(trajectories=32, steps=5, minibatch=32, dt=0.05)
-    return [RunConfig(Pendulum(), ValueGradients(settings, (8,)), seed, 40) for seed in range(seeds)]
+    swimmer = Swimming(SwimmerParameters(n_links=3))  # which is compiled
+    return [RunConfig(swimmer, ValueGradients(settings, (8,)), seed, 40) for seed in range(seeds)]
 
 
 TARGETS: dict[str, list[RunConfig]] = {
     "td": _td("fused", 1),
     "td, 3 seeds": _td("fused", 3),
+    "population": _td("population", 1),
     "population, 3 seeds": _td("population", 3),
     "value-gradient": _gradients(1),
     "value-gradient, 3 seeds": _gradients(3),
@@ -141,34 +148,65 @@ def differences(one: dict[str, Any], other: dict[str, Any]) -> list[str]:
     return sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
 
 
+class Kill(NamedTuple):
+    """A row of the log."""
+
+    target: str
+    learners: int
+    seed: int
+    """Of the moments."""
+    kind: str
+    moment: str
+    where: str
+    result: str = ""
+
+
+def where(directory: Path) -> str:
+    """What the runs of a directory were doing when they were killed, by what they left."""
+    if partial := sorted(directory.rglob(".*.partial*")):
+        return f"writing {partial[0].name[1:].partition('.')[0]}{partial[0].suffix}"
+    if not list(directory.rglob(CONFIG)):
+        return "before config.json"
+    rows = sum(len(path.read_text().splitlines()) - 1 for path in directory.rglob("metrics.csv"))
+    return f"learning after {rows} evaluations"
+
+
 class Bench:
     """One target, its reference, and what was found."""
 
-    def __init__(self, name: str, place: Path) -> None:
-        self.name, self.configs, self.place = name, TARGETS[name], place
+    def __init__(self, name: str, place: Path, seed: int) -> None:
+        self.name, self.configs, self.place, self.seed = name, TARGETS[name], place, seed
+        self.log: list[Kill] = []
         learn(place / "warm", self.configs)  # compiles
-        started = time.perf_counter()
-        assert in_a_child(lambda: learn(place / "whole", self.configs)) == 0
-        self.seconds = time.perf_counter() - started
-        self.whole = outcome(place / "whole", self.configs)
+        self.seconds = min(self._whole(place / f"whole-{k}") for k in range(3))
+        self.whole = outcome(place / "whole-0", self.configs)
         self.wrong: list[str] = []
 
-    def check(self, directory: Path, what: str) -> None:
-        """Compare with the reference, and remove the directory."""
-        for difference in differences(outcome(directory, self.configs), self.whole):
-            self.wrong.append(f"{what}: {difference}")
-        shutil.rmtree(directory)
+    def _whole(self, directory: Path) -> float:
+        """Seconds of runs that nothing happens to."""
+        started = time.perf_counter()
+        assert in_a_child(lambda: learn(directory, self.configs)) == 0
+        return time.perf_counter() - started
+
+    def note(self, kind: str, moment: str, directory: Path) -> None:
+        """A row; how it ends is known when the runs are at their end."""
+        self.log.append(Kill(self.name, len(self.configs), self.seed, kind, moment, where(directory)))
 
     def finish(self, directory: Path, what: str) -> None:
-        """Let the runs go to their end, and check."""
+        """Let the runs go to their end, compare with the reference, and remove the directory."""
         if (status := in_a_child(lambda: learn(directory, self.configs))) != 0:
-            self.wrong.append(f"{what}: did not go on, status {status}")
+            found = [f"did not go on, status {status}"]
         else:
-            self.check(directory, what)
+            found = differences(outcome(directory, self.configs), self.whole)
+        self.wrong += [f"{what}: {difference}" for difference in found]
+        result = "; ".join(found) or "same bits"
+        self.log = [row if row.result else row._replace(result=result) for row in self.log]
+        shutil.rmtree(directory, ignore_errors=True)
 
     def kill_at_random(self, kills: int, rng: np.random.Generator, all_the_time: bool) -> int:
         """Kill and resume until so many kills have hit; every run goes to its end. How many hit."""
         hits, round_number = 0, 0
+        kind = "while saving all the time" if all_the_time else "while learning"
         while hits < kills:
             directory = self.place / f"killed-{round_number}"
             round_number += 1
@@ -179,8 +217,11 @@ class Bench:
                         saving_all_the_time()
                     learn(directory, self.configs)
 
-                status = in_a_child(act, float(rng.uniform(0, 1.2 * self.seconds)))
-                hits += status == -signal.SIGKILL
+                seconds = float(rng.uniform(0, 1.2 * self.seconds))
+                status = in_a_child(act, seconds)
+                if status == -signal.SIGKILL:
+                    hits += 1
+                    self.note(kind, f"{seconds:.4f} s", directory)
                 if status not in (0, -signal.SIGKILL):
                     self.wrong.append(f"kill {hits}: status {status}")
                 if status == 0 or hits >= kills:
@@ -204,6 +245,7 @@ class Bench:
                     shutil.rmtree(directory)
                     break
                 count += 1
+                self.note("at a file", f"{how} file {number}", directory)
                 self.finish(directory, f"{how} file {number}")
         return count
 
@@ -220,8 +262,10 @@ class Bench:
                     learn(directory / "runs", self.configs)
 
                 status = in_a_child(act)
-                count += status == 2
-                if status not in (0, 2):
+                if status == 2:
+                    count += 1
+                    self.note(full_disk.__name__.replace("_", " "), f"{kilobytes} kB", directory)
+                elif status != 0:
                     self.wrong.append(f"disk of {kilobytes} kB: status {status}")
                 make_room()
                 self.finish(directory / "runs", f"disk of {kilobytes} kB")
@@ -240,8 +284,9 @@ class Bench:
                 resource.setrlimit(resource.RLIMIT_AS, (now + megabytes * 2**20,) * 2)
                 learn(directory, self.configs)
 
-            status = in_a_child(act)
-            count += status != 0
+            if in_a_child(act) != 0:
+                count += 1
+                self.note("out of memory", f"{megabytes} MB", directory)
             self.finish(directory, f"{megabytes} MB of memory")
         return count
 
@@ -274,23 +319,24 @@ def full_disk_for_me(place: Path) -> Any:
     return small_files
 
 
-def examine(name: str, kills: int, seed: int, kinds: Sequence[str] = KINDS) -> dict[str, Any]:
-    """What is asked for, of one target."""
+def examine(
+    name: str, kills: int, seed: int, kinds: Sequence[str] = KINDS
+) -> tuple[dict[str, Any], list[Kill]]:
+    """What is asked for, of one target: counts, and a row for each kill."""
     rng = np.random.default_rng([seed, list(TARGETS).index(name)])
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
-        bench, counts = Bench(name, place), {}
+        bench, counts = Bench(name, place, seed), {}
         if "random" in kinds:
             counts["kills while learning"] = bench.kill_at_random(kills, rng, False)
             counts["kills while saving all the time"] = bench.kill_at_random(kills, rng, True)
         if "files" in kinds:
             counts["kills at a file"] = bench.kill_at_each_file()
         if "disk" in kinds:
-            full_disk = full_disk_for_me(place)
-            counts[f"full disks ({full_disk.__name__})"] = bench.fill_the_disk(full_disk)
+            counts["full disks"] = bench.fill_the_disk(full_disk_for_me(place))
         if "memory" in kinds:
             counts["ends of memory"] = bench.exhaust_memory()
-    return {"target": name, "seed": seed, "seconds": bench.seconds, **counts, "wrong": bench.wrong}
+    return {"target": name, "seed": seed, "seconds": bench.seconds, **counts, "wrong": bench.wrong}, bench.log
 
 
 def main() -> int:
@@ -300,16 +346,19 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the moments")
     parser.add_argument("--targets", nargs="+", choices=list(TARGETS), default=list(TARGETS))
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
-    parser.add_argument("--json", type=Path, help="where to write the counts")
+    parser.add_argument("--log", type=Path, help="where to write a row for each kill")
     options = parser.parse_args()
     torch.set_num_threads(1)
-    results = []
+    failed, log = False, []
     for name in options.targets:
-        results.append(examine(name, options.kills, options.seed, options.kinds))
-        print(json.dumps(results[-1]), flush=True)
-        if options.json:
-            options.json.write_text(json.dumps(results, indent=2) + "\n")
-    return 1 if any(result["wrong"] for result in results) else 0
+        counts, rows = examine(name, options.kills, options.seed, options.kinds)
+        print(json.dumps(counts), flush=True)
+        failed |= bool(counts["wrong"])
+        log += rows
+        if options.log:
+            with files.replacing(options.log) as partial, open(partial, "w", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows([Kill._fields, *log])
+    return int(failed)
 
 
 if __name__ == "__main__":
