@@ -102,7 +102,12 @@ def in_a_child(act: Act, seconds: float | None = None) -> int:
         finally:
             os._exit(status)
     if seconds is not None:
-        time.sleep(seconds)
+        ends = time.monotonic() + seconds
+        while (left := ends - time.monotonic()) > 0:
+            ended, status = os.waitpid(child, os.WNOHANG)
+            if ended:
+                return os.waitstatus_to_exitcode(status)
+            time.sleep(min(left, 0.02))
         os.kill(child, signal.SIGKILL)
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
@@ -342,7 +347,7 @@ def examine(
 def main() -> int:
     """Examine the targets; print a line each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kills", type=int, default=100, help="of each kind, for each target")
+    parser.add_argument("--kills", type=int, default=100, help="of each kind, of each target")
     parser.add_argument("--seed", type=int, default=0, help="of the moments")
     parser.add_argument("--targets", nargs="+", choices=list(TARGETS), default=list(TARGETS))
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)

@@ -1,5 +1,6 @@
 """``train`` and ``sweep`` under SIGINT and SIGTERM: they finish their step, save, and say how to go on."""
 
+import dataclasses
 import shlex
 import signal
 import subprocess
@@ -96,6 +97,16 @@ def test_signals_that_are_ignored_stay_ignored():
         assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@dataclasses.dataclass(frozen=True)
+class OwnPendulum(Pendulum):
+    """A problem that does not come with the package."""
+
+
+def test_how_to_go_on_names_the_modules_that_must_be_trusted(tmp_path):
+    run = TrainingRun(tmp_path / "own", RunConfig(OwnPendulum(), TemporalDifferences(TDSettings(), 4)))
+    assert how_to_go_on([run], None).endswith(f"--resume --trust {__name__}")
 
 
 def test_how_to_go_on_names_each_directory_once(tmp_path):

@@ -20,8 +20,9 @@ from typing import Any
 import tyro
 from tyro.conf import FlagCreatePairsOff
 
-from swimmer_mj.cli.checks import bench, doctor, validate
+from swimmer_mj.cli.checks import bench, validate
 from swimmer_mj.cli.demonstration import demo
+from swimmer_mj.cli.doctor import doctor
 from swimmer_mj.cli.output import CheckFailedError
 from swimmer_mj.cli.pictures import figures, render
 from swimmer_mj.cli.reporting import report

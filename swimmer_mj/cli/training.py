@@ -9,7 +9,6 @@ import json as json_module
 import math
 import re
 import shlex
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -17,7 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from swimmer_mj.cli.options import check_directory, check_seed, trust_modules
-from swimmer_mj.cli.output import live_display, make_console, make_table, print_json, print_line
+from swimmer_mj.cli.output import live_display, make_console, print_json, print_line
+from swimmer_mj.cli.progress import QUIET, LearningDisplay
 from swimmer_mj.cli.runs import run_directories
 from swimmer_mj.cli.signals import StoppedError, asked_to_stop
 
@@ -60,6 +60,7 @@ def train(
     on_divergence: Literal["stop", "restore"] = "stop",
     trust: tuple[str, ...] = (),
     settings: Annotated[tuple[str, ...], tyro.conf.arg(name="set")] = (),
+    tensorboard: bool = False,
     json: bool = False,
 ) -> None:
     """Train one learner, or one for each of several seeds, and keep the run in a directory.
@@ -95,6 +96,8 @@ def train(
             most 10 times.
         trust: Modules of one's own that may run when a run that names them is resumed.
         settings: Any other settings of the problem, the method or its learner, as name=value: --set mass=2 flips=0.1.
+        tensorboard: Also write the rows of metrics.csv as events for TensorBoard, in the directory tensorboard of each
+            run; needs the extra of that name.
         json: Print one JSON object.
     """
     typed = _typed(locals())
@@ -107,16 +110,28 @@ def train(
     chosen = [seed] if seeds is None else parse_seeds(seeds)
     if resume and (
         superfluous := typed
-        - {"--out", "--resume", "--trials", "--seconds", "--on-divergence", "--trust", "--json"}
+        - {
+            "--out",
+            "--resume",
+            "--trials",
+            "--seconds",
+            "--on-divergence",
+            "--trust",
+            "--tensorboard",
+            "--json",
+        }
     ):
         raise ValueError(
             f"--resume goes on with the run's own configuration: leave out {', '.join(sorted(superfluous))}"
         )
 
     from swimmer_mj.learning.runs.config import CONFIG
+    from swimmer_mj.learning.runs.events import require_writer
     from swimmer_mj.learning.runs.run import TrainingRun
 
     trust_modules(trust)
+    if tensorboard:
+        require_writer()
     if resume:
         runs = [TrainingRun(directory, resume=True) for directory in run_directories(out)]
     else:
@@ -157,7 +172,9 @@ def train(
     caution = getattr(runs[0].problem, "caution", None)
     if caution is not None and not resume and (line := caution()):
         print_line(console, line)
-    train_runs(console, runs, trials=trials, seconds=seconds, on_divergence=on_divergence)
+    train_runs(
+        console, runs, trials=trials, seconds=seconds, on_divergence=on_divergence, tensorboard=tensorboard
+    )
     results = [
         {
             "run": str(r.directory),
@@ -264,6 +281,7 @@ def train_runs(
     seconds: float | None = None,
     enough: Callable[[TrainingRun], bool] = lambda run: False,
     on_divergence: Literal["stop", "restore"] = "stop",
+    tensorboard: bool = False,
 ) -> None:
     """Train ``runs`` together, with a live table on a terminal and a line an evaluation elsewhere.
 
@@ -273,26 +291,12 @@ def train_runs(
         After SIGINT or SIGTERM; all runs are saved as they stand.
     """
     import torch
-    from rich.markup import escape
 
-    from swimmer_mj.learning.problems.forms import SwimmerForm
+    from swimmer_mj.learning.runs.events import EventLogs
     from swimmer_mj.learning.runs.together import train_together
 
     torch.set_num_threads(1)  # the learners are the parallelism
-    started = time.monotonic()
-    news: dict[int, dict[str, str]] = {id(run): {"run": run.directory.name} for run in runs}
-    swimmers = all(run.problem.form(SwimmerForm) is not None for run in runs)
-    speed = "speed" if swimmers else "reward"
-    in_m, in_m2_s2, in_m_s = (" m", " m²/s²", " m/s") if swimmers else ("", "", "")
-    columns = ("run", "trials", "trials/s", "elapsed", "<V>", "<H²>", speed, "best")
-
-    def table() -> Any:
-        drawn = make_table(None, columns)
-        for row in news.values():
-            drawn.add_row(*(escape(row.get(column, "")) for column in columns))
-        return drawn
-
-    said = dict.fromkeys(news, started)  # when a run last had a line
+    display = LearningDisplay(console, runs, trials, seconds)
     if not console.is_terminal:
         period = runs[0].config.evaluate_every
         print_line(
@@ -300,27 +304,16 @@ def train_runs(
             f"learning begins, the first time on a machine after up to some minutes of compiling; a line after each "
             f"evaluation, every {period:,} trials, and each {QUIET:.0f} s",
         )
-    with asked_to_stop() as signal_number, live_display(console, table) as live:
+    with (
+        asked_to_stop() as signal_number,
+        live_display(console, display.table) as live,
+        EventLogs() if tensorboard else contextlib.nullcontext() as events,
+    ):
 
         def report(report: Report) -> None:
-            if report.warning is not None:
-                print_line(console, report.warning)
-            row = news[id(report.run)]
-            row["elapsed"] = f"{time.monotonic() - started:.0f} s"
-            if report.progress is not None:
-                row["trials"] = f"{report.progress.trial:,}"
-                row["trials/s"] = f"{report.progress.trials_per_second:.0f}"
-            if report.metrics is not None:
-                row["<V>"] = f"{report.metrics.mean_value:.3f}{in_m}"
-                row["<H²>"] = f"{report.metrics.mean_squared_hamiltonian:.3f}{in_m2_s2}"
-                row[speed] = f"{report.metrics.speed:.3f}{in_m_s}"
-                row["best"] = f"{report.run.best_speed:.3f}{in_m_s}"
-            now = time.monotonic()
-            if live is None and (report.metrics is not None or now - said[id(report.run)] > QUIET):
-                said[id(report.run)] = now
-                print_line(
-                    console, "  ".join(f"{column} {row[column]}" for column in columns if column in row)
-                )
+            display.note(report, live is not None)
+            if events is not None and report.metrics is not None:
+                events.note(report.run.directory, report.run.history)
 
         train_together(
             runs,
@@ -336,18 +329,24 @@ def train_runs(
         raise StoppedError(stopped_by, f"saved; go on with: {how_to_go_on(runs, trials)}")
 
 
-QUIET = 30.0
-"""s without a line, where there is no live table."""
-
-
 def how_to_go_on(runs: Sequence[TrainingRun], trials: int | None) -> str:
     """The command, or commands, that resume ``runs``."""
     directories = [run.directory for run in runs]
     if len(runs) > 1 and all(run.directory.name == f"seed-{run.config.seed}" for run in runs):
         directories = sorted({directory.parent for directory in directories})
     until = [] if trials is None else ["--trials", str(trials)]
+    until += ["--trust", *modules] if (modules := _own_modules(runs)) else []
     commands = (["swimmer-mj", "train", "--out", str(path), "--resume", *until] for path in directories)
     return " && ".join(map(shlex.join, commands))
+
+
+def _own_modules(runs: Sequence[TrainingRun]) -> list[str]:
+    """Modules that do not come with the package, of the runs' problems, rewards and methods."""
+    found = {type(thing).__module__ for run in runs for thing in (run.config.problem, run.config.method)}
+    found |= {
+        str(getattr(run.config.problem, "reward_function", None) or "").partition(":")[0] for run in runs
+    }
+    return sorted(name for name in found if name and name.partition(".")[0] != "swimmer_mj")
 
 
 MOST_SEEDS = 1000

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from tyro.conf import Positional
 
-from swimmer_mj.cli.options import check_seed
+from swimmer_mj.cli.options import check_seed, trust_modules
 from swimmer_mj.cli.output import make_console, print_line
 from swimmer_mj.cli.runs import Which, first_policy_directory
 
@@ -22,6 +22,7 @@ def view(
     run: Positional[Path | None] = None,
     which: Which = "best",
     seed: int = 0,
+    trust: tuple[str, ...] = (),
 ) -> None:
     """Watch a task in dm_control's viewer: with the policy of a run, or with random torques.
 
@@ -30,6 +31,7 @@ def view(
         run: Run directory, or name of a pretrained policy, of a swimmer with as many links; random torques without one.
         which: The weights that were fastest while training, or the last.
         seed: Of initial states and random torques.
+        trust: Modules of one's own that may run when the run names them (docs/extending.md).
     """
     check_seed(seed)
     if lack := lacks_screen():
@@ -39,6 +41,7 @@ def view(
     from swimmer_mj.render.backend import use_backend
 
     use_backend("glfw")  # the only one with windows
+    trust_modules(trust)
     _open_viewer(task, run, which, seed)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tyro.conf import Positional
 
+from swimmer_mj.cli.options import trust_modules
 from swimmer_mj.cli.output import make_console, print_json, print_line, status
 from swimmer_mj.cli.runs import Which, first_policy_directory
 
@@ -23,6 +24,7 @@ def page(
     policy: Positional[Path],
     out: Path = Path("swim.html"),
     which: Which = "best",
+    trust: tuple[str, ...] = (),
     json: bool = False,
 ) -> None:
     """One HTML file in which one steers, pushes and races a swimmer, beside the pretrained ones; it needs no network.
@@ -31,10 +33,12 @@ def page(
         policy: Run directory, or name of a pretrained policy such as swim5-value-gradient.
         out: The file.
         which: The weights that were fastest while training, or the last.
+        trust: Modules of one's own that may run when the run names them (docs/extending.md).
         json: Print one JSON object.
     """
     if out.is_dir() or not out.parent.is_dir():
         raise ValueError(f"--out must be a file in an existing directory, got {out}")
+    trust_modules(trust)
 
     from swimmer_mj.learning.runs.run import load_policy
 

@@ -18,13 +18,15 @@ def attack(tmp_path_factory):
         ("config.json to resume", 60),
         ("best.safetensors", 300),
         ("checkpoint.safetensors", 100),
+        ("unfinished.safetensors", 60),
         ("metrics.csv", 200),
         ("trajectory.npz", 200),
         ("sweep.toml", 100),
+        ("model.xml", 60),
         ("--seeds", 200),
         ("--set", 200),
         ("options", 200),
-        ("command line", 15),
+        ("command line", 40),
     ],
 )
 def test_inputs_are_taken_or_refused_in_one_line(attack, target, inputs):
