@@ -269,7 +269,7 @@ class Bench:
                 status = in_a_child(act)
                 if status == 2:
                     count += 1
-                    self.note(full_disk.__name__.replace("_", " "), f"{kilobytes} kB", directory)
+                    self.note("full disk", f"{kilobytes} kB, {full_disk.__name__}", directory)
                 elif status != 0:
                     self.wrong.append(f"disk of {kilobytes} kB: status {status}")
                 make_room()
