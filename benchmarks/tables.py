@@ -309,8 +309,8 @@ def fuzzed_inputs() -> Summary:
     with open(RESULTS / "fuzzed-inputs.csv", newline="", encoding="utf-8") as file:
         found = list(csv.DictReader(file))
     columns = ("inputs", "taken", "refused", "wrong")
-    rows = [(row["target"], *(thousands(int(row[name])) for name in columns)) for row in found]
-    rows.append(("all", *(thousands(sum(int(row[name]) for row in found)) for name in columns)))
+    rows = [(row["target"], *(f"{int(row[name]):,}" for name in columns)) for row in found]
+    rows.append(("all", *(f"{sum(int(row[name]) for row in found):,}" for name in columns)))
     return Summary("", ("what was odd", *columns), rows)
 
 
