@@ -265,7 +265,9 @@ def test_doctor_reports_a_callback_that_gives_no_number(monkeypatch, capsys):
     report = json.loads(out)
     assert status == 1
     assert (report["callback"]["error"], report["callback"]["passed"]) == (None, False)
-    assert report["problems"][0].startswith("callback: a rod: error nan exceeds 1e-09; mend it with: pip install ")
+    assert report["problems"][0].startswith(
+        "callback: a rod: error nan exceeds 1e-09; mend it with: pip install "
+    )
 
 
 def test_doctor(capsys):
