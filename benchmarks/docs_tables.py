@@ -60,8 +60,6 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "any-model": tables.any_model,
     "cluster-scale": tables.cluster_scale,
     "run-cost": tables.run_cost,
-    "refusals": tables.refusals,
-    "fuzzed-inputs": tables.fuzzed_inputs,
     "model-peers": tables.model_peers,
     "model-peers-tuning": tables.model_peers_tuning,
     "long-runs": partial(tables.long_runs, LOGS),

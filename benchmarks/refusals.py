@@ -1,6 +1,6 @@
 """What do the commands say when they refuse? Each refusal is run; the page of errors has what was said.
 
-    python benchmarks/refusals.py     # into benchmarks/results/refusals.csv; then python benchmarks/docs_tables.py
+    python benchmarks/refusals.py     # into benchmarks/results/refusals.csv; then python benchmarks/trouble.py
 
 Everything happens in a new directory, in which RUN is a run that has learned a little; the others are damaged copies.
 """

@@ -294,40 +294,6 @@ def run_cost() -> Summary:
     return Summary("", ("what", "value"), rows)
 
 
-def refusals() -> Summary:
-    """What the commands say when they refuse."""
-    with open(RESULTS / "refusals.csv", newline="", encoding="utf-8") as file:
-        rows = [
-            (f"`{row['asked']}`", f"`{row['said'].replace('|', chr(92) + '|')}`", row["status"])
-            for row in csv.DictReader(file)
-        ]
-    return Summary("", ("`swimmer-mj` ..", "it says", "exit status"), rows)
-
-
-def fuzzed_inputs() -> Summary:
-    """How many odd inputs of each kind were taken and refused."""
-    with open(RESULTS / "fuzzed-inputs.csv", newline="", encoding="utf-8") as file:
-        found = list(csv.DictReader(file))
-    columns = ("inputs", "taken", "refused", "wrong")
-    rows = [(row["target"], *(f"{int(row[name]):,}" for name in columns)) for row in found]
-    rows.append(("all", *(f"{sum(int(row[name]) for row in found):,}" for name in columns)))
-    return Summary("", ("what was odd", *columns), rows)
-
-
-def kills() -> Summary:
-    """How often runs were killed, by what they were doing then, and how many went on to the same bits."""
-    with open(RESULTS / "kills.csv", newline="", encoding="utf-8") as file:
-        found = list(csv.DictReader(file))
-    kinds = ("while learning", "while saving all the time", "at a file", "full disk", "out of memory")
-    rows = []
-    for target in dict.fromkeys(row["target"] for row in found):
-        of_target = [row for row in found if row["target"] == target]
-        counts = [sum(row["kind"] == kind for row in of_target) for kind in kinds]
-        same = sum(row["result"] == "same bits" for row in of_target)
-        rows.append((target, *map(str, counts), f"{same} of {len(of_target)}"))
-    return Summary("", ("runs", *kinds, "the same bits in the end"), rows)
-
-
 def model_peers() -> Summary:
     """Learners that use the model: time and simulation to each speed, what they end at, in the same time for all."""
     rows = []

@@ -14,7 +14,7 @@ OTHERS_WORDS = {  # a parser's, which depend on its version
 
 @pytest.mark.skipif(sys.platform != "linux", reason="asks for /proc")
 def test_the_log_is_what_is_said():
-    """If not: python benchmarks/refusals.py, then python benchmarks/docs_tables.py."""
+    """If not: python benchmarks/refusals.py, then python benchmarks/trouble.py."""
     with open(refusals.OUT, newline="", encoding="utf-8") as file:
         logged = [
             refusals.Refusal(asked, int(status), said) for asked, status, said in list(csv.reader(file))[1:]
