@@ -1,6 +1,7 @@
 import contextlib
 import os
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 from swimmer_mj.render.backend import BackendError, use_backend
@@ -16,3 +17,9 @@ with contextlib.suppress(BackendError):
 # How fast an example is depends on the machine and on what else it does.
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
+
+
+@pytest.fixture(scope="session")
+def suite():
+    """swimmer_mj.environments.suite; a test that asks for it is skipped where dm_control cannot be installed."""
+    return pytest.importorskip("swimmer_mj.environments.suite", reason="there is no dm_control here")

@@ -91,6 +91,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             command = _parse(arguments)
     except SystemExit as stop:
         return _complain(_unboxed(complaint.getvalue())) if stop.code else 0
+    from swimmer_mj.needs import MissingDmControlError
     from swimmer_mj.render.backend import BackendError, use_backend
 
     if os.getcwd() not in sys.path:
@@ -115,6 +116,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(_NO_MEMORY)
     except OSError as error:
         return _complain(_said(error))
-    except (ValueError, BackendError) as error:
+    except (ValueError, BackendError, MissingDmControlError) as error:
         return _complain(str(error))
     return 0

@@ -117,12 +117,13 @@ def info(run: Positional[Path | None] = None, trust: tuple[str, ...] = (), json:
 def _package_facts() -> dict[str, Any]:
     """What this package offers."""
     import swimmer_mj
+    from swimmer_mj.environments.swimming import TASKS
     from swimmer_mj.learning.pretrained import pretrained_names
     from swimmer_mj.learning.runs.registry import METHODS, PROBLEMS
 
     return {
         "version": swimmer_mj.__version__,
-        "tasks": list(swimmer_mj.SUITE),
+        "tasks": list(TASKS),
         "problems": list(PROBLEMS),
         "methods": list(METHODS),
         "pretrained": list(pretrained_names()),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,6 +14,7 @@ from tyro.conf import Positional
 from swimmer_mj.cli.options import check_seed, trust_modules
 from swimmer_mj.cli.output import make_console, print_line
 from swimmer_mj.cli.runs import Which, first_policy_directory
+from swimmer_mj.needs import MissingDmControlError
 
 __all__ = ["lacks_screen", "view"]
 
@@ -34,8 +36,10 @@ def view(
         trust: Modules of one's own that may run when the run names them (docs/extending.md).
     """
     check_seed(seed)
+    instead = f"swimmer-mj render {run or 'RUN'}"
+    if find_spec("dm_control") is None:
+        raise MissingDmControlError("view", f"for a video {instead}")
     if lack := lacks_screen():
-        instead = f"swimmer-mj render {run or 'RUN'}"
         raise ValueError(f"view needs a screen and {lack}; for a video without one: {instead}")
 
     from swimmer_mj.render.backend import use_backend

@@ -1,4 +1,4 @@
-"""The tasks of :mod:`swimmer_mj.environments.suite` as Gymnasium environments, to the last bit.
+"""The tasks of :mod:`swimmer_mj.environments.suite` as Gymnasium environments, to the last bit, without dm_control.
 
 :mod:`swimmer_mj.gymnasium` registers them. Importing this module imports no MuJoCo; making an environment does.
 """
@@ -15,7 +15,8 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from swimmer_mj.environments.suite import InitialStates, Physics, Swim
+    from swimmer_mj.environments.simulation import Simulation
+    from swimmer_mj.environments.swimming import InitialStates, Rules
     from swimmer_mj.parameters import SwimmerParameters
 
 __all__ = ["SwimmerEnv"]
@@ -69,17 +70,17 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
     steps, or as many as its ``max_episode_steps`` says; the bare class never does.
 
     ``reset(seed=s)`` starts the episodes of ``swimmer_mj.load(task, task_kwargs={"random": s})``: they are drawn
-    from dm_control's kind of source, ``task.random``. ``np_random``, Gymnasium's, gets the same seed and is left
+    from a ``RandomState``, ``task.random``. ``np_random``, Gymnasium's, gets the same seed and is left
     to wrappers. A pickled or copied environment goes on where the original stands.
 
     Parameters
     ----------
     task : str
-        A task of :data:`swimmer_mj.environments.suite.SUITE`, such as ``"swim5"``.
+        A task of :data:`swimmer_mj.environments.swimming.TASKS`, such as ``"swim5"``.
     params : SwimmerParameters, optional
         Another swimmer with the task's number of links.
     initial_states : callable, optional
-        Where episodes start, see :class:`swimmer_mj.environments.suite.Swim`.
+        Where episodes start, see :class:`swimmer_mj.environments.swimming.Rules`.
     frame_skip : int
         How many steps of 0.01 s the action is held for in one step of the environment.
     render_mode : {None, "rgb_array"}
@@ -104,7 +105,7 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
         height: int = 480,
         camera_name: str = "tracking",
     ) -> None:
-        from swimmer_mj.environments import suite
+        from swimmer_mj.environments import swimming
 
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(
@@ -115,15 +116,15 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
         height = whole_number("height", height, _LARGEST_FRAME[1])
         if camera_name not in _CAMERAS:
             raise ValueError(f"camera_name must be one of {', '.join(_CAMERAS)}; got {camera_name!r}")
-        self._env = suite.load(
-            task,
-            task_kwargs={
-                "random": np.random.RandomState(legacy_seed(self.np_random_seed)),
-                "time_limit": float("inf"),
-                "params": params,
-                "initial_states": initial_states,
-            },
-            environment_kwargs={"n_sub_steps": frame_skip},
+        if task not in swimming.TASKS:
+            raise ValueError(f"there is no task {task!r}; the tasks are {', '.join(swimming.TASKS)}")
+        n_links, random_direction = swimming.TASKS[task]
+        self._env = swimming.Environment(
+            swimming.task_parameters(n_links, params),
+            n_sub_steps=frame_skip,
+            random_direction=random_direction,
+            initial_states=initial_states,
+            random=np.random.RandomState(legacy_seed(self.np_random_seed)),
         )
         n = self.physics.parameters.n_links
         self.observation_space = spaces.Box(-np.inf, np.inf, (2 * n + 2,), np.float64)
@@ -132,15 +133,15 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
         self._in_episode = False
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(1 / self._env.control_timestep())}
-        self._frame = {"width": width, "height": height, "camera_id": camera_name}
+        self._frame = {"width": width, "height": height, "camera": camera_name}
 
     @property
-    def physics(self) -> Physics:
+    def physics(self) -> Simulation:
         """The simulation, with the swimmer's state and parameters."""
         return self._env.physics
 
     @property
-    def task(self) -> Swim:
+    def task(self) -> Rules:
         """The task, which starts episodes and gives rewards."""
         return self._env.task
 
@@ -166,7 +167,7 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
         if seed is not None:
             self.task.random.seed(legacy_seed(seed))
         self._in_episode = True
-        return self._observation(self._env.reset()), {}
+        return np.concatenate(list(self._env.reset().values())), {}
 
     def step(self, action: Action) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold the torques ``action``, shape (n - 1,), for one step.
@@ -185,17 +186,15 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
         ------
         gymnasium.error.ResetNeeded
             There was no :meth:`reset` yet.
+        swimmer_mj.environments.simulation.PhysicsError
+            The swimmer moves as MuJoCo cannot compute it.
         """
         if not self._in_episode:
             raise ResetNeeded("call reset() before the first step()")
         if np.shape(action) != self.action_space.shape:
             raise ValueError(f"action must have shape {self.action_space.shape}, got {np.shape(action)}")
-        time_step = self._env.step(action)
-        return self._observation(time_step), time_step.reward, False, False, {}
-
-    @staticmethod
-    def _observation(time_step: Any) -> Array:
-        return np.concatenate(list(time_step.observation.values()))
+        observation, reward = self._env.step(action)
+        return np.concatenate(list(observation.values())), reward, False, False, {}
 
     def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The present frame, shape (height, width, 3), or None without a ``render_mode``."""

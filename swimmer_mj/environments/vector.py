@@ -18,7 +18,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from dm_control.rl.control import PhysicsError
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -27,7 +26,8 @@ from numpy.typing import NDArray
 
 from swimmer_mj import state as st
 from swimmer_mj.environments.gymnasium import Action, Array, SwimmerEnv, legacy_seed, whole_number
-from swimmer_mj.environments.suite import wrap_angle
+from swimmer_mj.environments.simulation import PhysicsError
+from swimmer_mj.environments.swimming import wrap_angle
 
 __all__ = ["SwimmerVectorEnv"]
 
@@ -48,7 +48,7 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
     Parameters
     ----------
     task : str
-        A task of :data:`swimmer_mj.environments.suite.SUITE`, such as ``"swim5"``.
+        A task of :data:`swimmer_mj.environments.swimming.TASKS`, such as ``"swim5"``.
     num_envs : int
         How many environments.
     max_episode_steps : int, optional
@@ -92,7 +92,7 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
-        model = copy.copy(self._physics.model.ptr)
+        model = copy.copy(self._physics.model)
         model.opt.disableflags |= _NO_CONSTRAINTS
         self._batch = Batch(model, num_envs, nthread)
         # Live views.
@@ -214,9 +214,8 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         physics = self._physics
         frames = []
         for row, center in zip(self._batch.state, self._center, strict=True):
-            mujoco.mj_setState(physics.model.ptr, physics.data.ptr, row, _STATE)
+            mujoco.mj_setState(physics.model, physics.data, row, _STATE)
             physics.move_target_mark(center)
-            physics.forward()
             frames.append(self._single.render())
         return tuple(frames)
 
@@ -244,10 +243,11 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         """Set environment ``i`` to the state the task starts from."""
         physics, task = self._physics, self._single.task
         task.random.set_state(self._random_states[i])
-        with physics.reset_context():
-            task.initialize_episode(physics)
+        physics.reset()
+        task.initialize_episode(physics)
+        physics.forward()
         self._random_states[i] = task.random.get_state(legacy=False)
-        mujoco.mj_getState(physics.model.ptr, physics.data.ptr, self._batch.state[i], _STATE)
+        mujoco.mj_getState(physics.model, physics.data, self._batch.state[i], _STATE)
         self._batch.warning[i] = 0
         angle = physics.target_direction()
         self._direction[i] = angle
@@ -256,7 +256,7 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         self._over[i] = False
 
     def _observe(self) -> tuple[Array, Array]:
-        """The observations and the centres of mass: what ``suite.Physics`` and ``suite.Swim`` do, for all at once.
+        """The observations and the centres of mass: what ``Simulation`` and ``Rules`` do, for all at once.
 
         The same operations in the same order, so that the numbers are the same to the last bit.
         """

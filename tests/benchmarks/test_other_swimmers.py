@@ -13,6 +13,10 @@ def stored():
     return {swimmer.name: swimmer for swimmer in other.read()}
 
 
+pytestmark = pytest.mark.skipif(
+    not importlib.util.find_spec("dm_control"), reason="there is no dm_control here"
+)
+
 INSTALLED = [name for module, name in other.SWIMMERS if importlib.util.find_spec(module)]
 
 

@@ -2,7 +2,7 @@ import gc
 
 import pytest
 
-from swimmer_mj.environments.suite import Physics
+from swimmer_mj.environments.simulation import Accessors
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -11,5 +11,5 @@ def release_the_friction():
     yield
     gc.collect()
     for left in gc.get_objects():
-        if type(left) is Physics and (release := vars(left).get("_friction")):
+        if issubclass(type(left), Accessors) and (release := vars(left).get("_friction")):
             release()

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from swimmer_mj.environments import suite
 from swimmer_mj.learning import load_pretrained
 from swimmer_mj.learning.pretrained import pretrained_card, pretrained_directory, pretrained_names
 from swimmer_mj.learning.problems.swim.environment import SwimmingPolicy, evaluate_swimming
@@ -28,7 +27,7 @@ def test_swims_as_fast_as_its_card_says(name):
     assert {"seed", "commit", "trial", "chosen", "ci95"} <= set(card)
 
 
-def test_acts_in_the_task_of_its_links():
+def test_acts_in_the_task_of_its_links(suite):
     environment = suite.load("swim5", task_kwargs={"random": 0})
     action = load_pretrained("swim5-value-gradient")(environment.reset().observation)
     assert action.shape == environment.action_spec().shape

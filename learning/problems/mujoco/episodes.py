@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimmer_mj.learning.problems.mujoco.tasks.task import Task
+from swimmer_mj.needs import MissingDmControlError
 
 __all__ = ["DmControlEpisode", "Episode", "GymnasiumEpisode", "known_task", "open_episode"]
 
@@ -42,8 +43,10 @@ class DmControlEpisode:
     """An episode of dm_control.suite."""
 
     def __init__(self, name: str, seed: int) -> None:
-        from dm_control import suite
-
+        try:
+            from dm_control import suite
+        except ModuleNotFoundError:
+            raise MissingDmControlError(f"dm_control/{name}", "a task of Gymnasium's: gymnasium/ID") from None
         domain, _, task = name.partition("/")
         if (domain, task) not in suite.ALL_TASKS:
             found = sorted({d for d, _ in suite.ALL_TASKS})

@@ -1,12 +1,13 @@
-"""The dm_control task as what a policy is judged by, drawn in, and may learn in; policies as its agents.
+"""The swimmer's task as what a policy is judged by, drawn in, and may learn in; policies as its agents.
 
 Swimming speed has one meaning in this project: in the dm_control environment (MuJoCo, RK4 at 0.01 s, control held for
 0.01 s), from the 64 initial states of seed 0, the mean velocity of the centre of mass along the target direction over
 the last 10 of 20 seconds. Some gaits are still gaining speed then: steady speed is the mean over seconds 30 to 60. And
 the paper's trials end after 5 s: the mean over the first 5.
 
-The episodes of an evaluation are the environment's, stepped together by ``mujoco.batch``; a test holds them equal to
-episodes that are stepped by dm_control.
+Episodes are simulated by MuJoCo alone (:mod:`swimmer_mj.environments.swimming`), those of an evaluation together by
+``mujoco.batch``: so they are the same where dm_control cannot be installed. A test holds them equal to episodes that
+are stepped by dm_control.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -114,7 +115,7 @@ def drawn(problem: Swimming) -> SwimmerForm:
 
 
 def learned(problem: Swimming) -> TrialsForm:
-    """Trials in dm_control."""
+    """Trials in the environment."""
     return TrialsForm(partial(learn_in_environment, problem.parameters))
 
 
@@ -152,23 +153,21 @@ class SwimmingPolicy:
 def learn_in_environment(
     parameters: SwimmerParameters, learner: Learner, states: Array, duration: float, dt: float
 ) -> list[Moment]:
-    """One trial from each of ``states`` in the dm_control environment itself, learning from its observations."""
-    from swimmer_mj.environments import suite  # dm_control, when it is needed
+    """One trial from each of ``states`` in the environment itself, learning from its observations."""
+    from swimmer_mj.environments.swimming import Environment  # MuJoCo, when it is needed
 
+    n_steps, n_sub_steps = math.ceil(duration / dt - 1e-9), round(dt / DT)
+    if n_sub_steps < 1 or abs(n_sub_steps * DT - dt) > 1e-8:
+        raise ValueError(f"in MuJoCo a control is held for a multiple of {DT} s, not for {dt} s")
     remaining = iter(states)
-    environment = suite.swim(
-        parameters,
-        time_limit=duration,
-        initial_states=lambda _: next(remaining),
-        environment_kwargs={"control_timestep": dt},
-    )
+    environment = Environment(parameters, n_sub_steps=n_sub_steps, initial_states=lambda _: next(remaining))
     moments = []
     for _ in range(len(states)):
-        step = environment.reset()
+        observation = environment.reset()
         learner.start_trial()
-        while not step.last():
-            moments.append(learner.learn_at(observed_state(step.observation)))
-            step = environment.step(moments[-1].control / parameters.torque_limits)
+        for _ in range(n_steps):
+            moments.append(learner.learn_at(observed_state(observation)))
+            observation, _ = environment.step(moments[-1].control / parameters.torque_limits)
         learner.end_trial()
     environment.physics.free()
     return moments
@@ -228,16 +227,16 @@ def distances(
     from mujoco.batch import Batch
 
     from swimmer_mj.dynamics import from_qpos_qvel
-    from swimmer_mj.environments import suite
+    from swimmer_mj.environments.swimming import Environment, wrap_angle
 
     everything = mujoco.mjtState.mjSTATE_INTEGRATION
     remaining = iter(states)
-    environment = suite.swim(parameters, initial_states=lambda _: next(remaining))
+    environment = Environment(parameters, initial_states=lambda _: next(remaining))
     physics = environment.physics  # holds the friction
-    batch = Batch(physics.model.ptr, len(states), workers)
+    batch = Batch(physics.model, len(states), workers)
     for row in batch.state:
         environment.reset()
-        mujoco.mj_getState(physics.model.ptr, physics.data.ptr, row, everything)
+        mujoco.mj_getState(physics.model, physics.data, row, everything)
     n_steps, _ = episode_steps(duration, 0.0, DT)
     travelled = np.empty((n_steps + 1, len(states)))
     for t in range(n_steps + 1):
@@ -245,7 +244,7 @@ def distances(
         travelled[t] = st.center_of_mass(parameters, x)[:, 0]
         if t < n_steps:
             z = st.split_reduced(st.reduce(parameters, x), parameters.n_links)
-            batch.ctrl = agent({**z._asdict(), "angles": suite.wrap_angle(z.angles)})
+            batch.ctrl = agent({**z._asdict(), "angles": wrap_angle(z.angles)})
             batch.step(None)
     failed = batch.warning.any()
     del batch
@@ -262,7 +261,7 @@ def record_episode(
     duration: float = EPISODE_DURATION,
     target_direction: Callable[[float], float] = lambda time: 0.0,
 ) -> Trajectory:
-    """One episode of a policy in the dm_control environment, with V and H along it.
+    """One episode of a policy in the environment, with V and H along it.
 
     Parameters
     ----------
@@ -277,10 +276,10 @@ def record_episode(
     target_direction : callable
         From time (s) to the angle to swim to (rad, from the x axis).
     """
-    from swimmer_mj.environments import suite  # dm_control, when it is needed
+    from swimmer_mj.environments.swimming import Environment  # MuJoCo, when it is needed
 
     n = parameters.n_links
-    environment = suite.swim(parameters, time_limit=duration, initial_states=lambda _: initial_state)
+    environment = Environment(parameters, initial_states=lambda _: initial_state)
     environment.reset()
     physics = environment.physics
     n_steps = round(duration / environment.control_timestep())

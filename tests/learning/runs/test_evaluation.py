@@ -4,7 +4,6 @@ import torch
 
 from swimmer_mj import state as st
 from swimmer_mj.cli.output import make_console, print_evaluation
-from swimmer_mj.environments import suite
 from swimmer_mj.integrators import rk4_step
 from swimmer_mj.learning.networks.networks import Cascade
 from swimmer_mj.learning.networks.policy import GreedyPolicy
@@ -44,7 +43,7 @@ def test_evaluation_starts_from_the_64_states_of_seed_0():
     assert (states == Swimming().initial_states(np.random.default_rng(0), 64)).all()
 
 
-def test_speed_is_displacement_over_time_in_the_second_half(policy):
+def test_speed_is_displacement_over_time_in_the_second_half(suite, policy):
     agent = SwimmingPolicy(policy)
     result = evaluate_swimming(agent, THREE, n_episodes=2)
     start = evaluation_states(3)[1]
@@ -69,7 +68,7 @@ def test_threads_share_the_episodes_without_changing_them(policy):
     assert (shared.speeds == alone.speeds).all()
 
 
-def test_scores_are_those_of_an_episode_in_dm_control():
+def test_scores_are_those_of_an_episode_in_dm_control(suite):
     """Of a smooth policy, whose episodes rounding does not lead astray; rewards are mean velocities of a step."""
     problem, gain = Swimming(THREE, s_gamma=0.5), np.array([[1.0, -2.0, 0.3], [0.5, 1.0, -1.0]])
 
@@ -140,7 +139,7 @@ def test_a_policy_for_x_swims_in_any_direction(policy):
     assert rotated.centers_of_mass() == pytest.approx(st.rotate(straight.centers_of_mass(), angle), abs=1e-8)
 
 
-def test_observed_state_is_the_reduced_state_in_the_targets_frame():
+def test_observed_state_is_the_reduced_state_in_the_targets_frame(suite):
     environment = suite.load("steer3", task_kwargs={"random": 3})
     observation = environment.reset().observation
     z = st.split_reduced(environment.physics.reduced_state(), 3)

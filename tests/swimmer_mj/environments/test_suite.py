@@ -5,13 +5,14 @@ import pickle
 import mujoco
 import numpy as np
 import pytest
-from dm_control import suite as dm_suite
 
 from swimmer_mj import state as st
 from swimmer_mj.analytic import AnalyticSwimmer
-from swimmer_mj.environments.suite import DOMAIN, SUITE, load, register, unregister, wrap_angle
 from swimmer_mj.mjcf import mjcf
 from swimmer_mj.parameters import PAPER, SwimmerParameters
+
+dm_suite = pytest.importorskip("dm_control.suite", reason="there is no dm_control here")
+from swimmer_mj.environments.suite import DOMAIN, SUITE, load, register, unregister, wrap_angle  # noqa: E402
 
 TASKS = ["swim3", "swim4", "swim5", "steer3", "steer4", "steer5"]
 

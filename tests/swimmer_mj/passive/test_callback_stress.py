@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 
 from swimmer_mj.compiled.pointers import pointer
-from swimmer_mj.environments.suite import load
 from swimmer_mj.mjcf import mjcf
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 from swimmer_mj.viscous import viscous_friction
@@ -133,8 +132,8 @@ def test_a_users_python_callback_runs_for_its_models_also():
         mujoco.set_mjcb_passive(None)
 
 
-def test_copied_and_pickled_environments_go_on_bit_for_bit():
-    env = load("swim3", {"random": 0})
+def test_copied_and_pickled_environments_go_on_bit_for_bit(suite):
+    env = suite.load("swim3", {"random": 0})
     env.reset()
     physics = env.physics
     copies = [physics.copy(), copy.deepcopy(physics), pickle.loads(pickle.dumps(physics))]
@@ -162,8 +161,8 @@ def swim(env):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
-def test_a_forked_child_has_the_friction_even_if_forked_while_threads_enter_scopes():
-    env = load("swim3", {"random": 0})
+def test_a_forked_child_has_the_friction_even_if_forked_while_threads_enter_scopes(suite):
+    env = suite.load("swim3", {"random": 0})
     stop = threading.Event()
 
     def enter_and_leave():
@@ -212,9 +211,9 @@ sys.stdout.buffer.write(env.physics.state_vector().tobytes())
 """
 
 
-def test_an_environment_pickled_into_another_process_swims_on_there():
+def test_an_environment_pickled_into_another_process_swims_on_there(suite):
     """What spawn does: a new interpreter that is given the pickled environment."""
-    env = load("swim3", {"random": 0})
+    env = suite.load("swim3", {"random": 0})
     env.reset()
     pickled = pickle.dumps(env)
     for _ in range(20):
