@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import inspect
 import io
 import os
 import re
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -42,6 +45,27 @@ COMMANDS: tuple[Callable[..., None], ...] = (
 
 _NO_MEMORY = "there is not enough memory for this; ask for less: links, neurons, seeds, trajectories"
 _DESCRIPTION = "The swimmer of Coulom (2002) and the learner that makes it swim."
+
+
+def _help() -> str:
+    """What ``--help`` prints: the commands and what they are for, without the parser, which takes longer."""
+    width = min(shutil.get_terminal_size().columns, 120) - 2
+    fold = functools.partial(textwrap.fill, width=width, subsequent_indent=" " * 12)
+    lines = [
+        fold(inspect.getdoc(command).partition("\n\n")[0], initial_indent=f"  {command.__name__:<10}")  # pyright: ignore[reportOptionalMemberAccess]
+        for command in COMMANDS
+    ]
+    return "\n".join(
+        [
+            "usage: swimmer-mj COMMAND ...",
+            "",
+            _DESCRIPTION,
+            "",
+            *lines,
+            "",
+            "swimmer-mj COMMAND --help says more.",
+        ]
+    )
 
 
 def _deferred(command: Callable[..., None]) -> Callable[..., Any]:
@@ -85,6 +109,9 @@ def _said(error: OSError) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments in (["--help"], ["-h"]):
+        print(_help())
+        return 0
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):

@@ -119,6 +119,8 @@ class _Walk:
                 return f"{value.dtype} {value.shape} {sha256(value.tobytes())}"
             case tuple() | list():
                 return f"({', '.join(map(self.text, value))})"
+            case slice():  # among a function's constants from Python 3.14 on
+                return f"slice{self.text((value.start, value.stop, value.step))}"
             case set() | frozenset():
                 return f"{{{', '.join(sorted(map(self.text, value)))}}}"
             case dict():

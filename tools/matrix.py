@@ -1,0 +1,140 @@
+"""Run the tests in an environment of its own, and add a row to the table of platforms.
+
+    python tools/matrix.py --python python3.13 --mujoco 3.17.0 --dependencies lowest -- tests/swimmer_mj
+
+makes a virtual environment, installs this checkout into it with the MuJoCo that is named and with the newest or the
+lowest versions of the other dependencies that pyproject.toml allows, runs pytest with the arguments behind ``--``, and
+appends what came of it to ``benchmarks/results/platforms.csv``; ``python benchmarks/docs_tables.py`` then writes
+docs/platforms.md. ``--environment DIR`` takes one that is there, as it is. The exit status is pytest's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import datetime
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+TABLE = ROOT / "benchmarks" / "results" / "platforms.csv"
+PACKAGES = ("swimmer-mj", "mujoco", "dm-control", "numpy", "torch", "numba")
+COLUMNS = (
+    "date", "system", "processor", "python", *PACKAGES, "dependencies", "tests", "passed", "failed", "skipped",
+    "seconds",
+)  # fmt: skip
+
+_ASK = """
+import json, platform
+from importlib.metadata import PackageNotFoundError, version
+def found(package):
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "none"
+try:
+    system = platform.freedesktop_os_release()["PRETTY_NAME"]
+except (OSError, KeyError):
+    system = platform.platform(terse=True)
+print(json.dumps({"system": system, "processor": platform.machine(), "python": platform.python_version(),
+                  **{package: found(package) for package in PACKAGES}}))
+"""
+
+
+def lowest(root: Path = ROOT) -> list[str]:
+    """The dependencies of pyproject.toml and of its extra ``gymnasium``, each at its lower bound.
+
+    Those of other Pythons keep their markers, so that pip leaves them out.
+    """
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = project["dependencies"] + project["optional-dependencies"]["gymnasium"]
+    return [re.sub(r">=([\d.]+)(,<[\d.]+)?", r"==\1", requirement) for requirement in wanted]
+
+
+def make(environment: Path, python: str, mujoco: str | None, dependencies: str) -> None:
+    """Install this checkout, and what its tests need, into a new environment."""
+    subprocess.run([python, "-m", "venv", str(environment)], check=True)
+    pip = [str(program(environment)), "-m", "pip", "install", "--quiet"]
+    pins = lowest() if dependencies == "lowest" else []
+    if mujoco is not None:
+        pins = [pin for pin in pins if not pin.startswith("mujoco")] + [f"mujoco=={mujoco}"]
+    with tempfile.TemporaryDirectory() as folder:
+        constraints = Path(folder) / "constraints.txt"
+        constraints.write_text(
+            "\n".join(pin.replace("[ffmpeg]", "") for pin in pins) + "\n", encoding="utf-8"
+        )
+        tests = ["pytest", "pytest-xdist", "hypothesis", "selenium", "stable-baselines3", "torchrl"]
+        subprocess.run([*pip, "-c", str(constraints), "-e", f"{ROOT}[gymnasium]", *tests], check=True)
+
+
+def program(environment: Path) -> Path:
+    """The interpreter of a virtual environment."""
+    return environment / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+
+
+def counts(report: Path) -> dict[str, int]:
+    """Passed, failed and skipped tests of pytest's JUnit report."""
+    suite = ET.parse(report).getroot().find("testsuite")
+    if suite is None:
+        raise ValueError(f"{report} has no testsuite")
+    total, failed, errors, skipped = (
+        int(suite.get(name, 0)) for name in ("tests", "failures", "errors", "skipped")
+    )
+    return {"passed": total - failed - errors - skipped, "failed": failed + errors, "skipped": skipped}
+
+
+def run(environment: Path, arguments: list[str], dependencies: str) -> int:
+    """Run pytest, and append a row to the table; returns pytest's exit status."""
+    python = str(program(environment))
+    ask = _ASK.replace("in PACKAGES", f"in {PACKAGES}")
+    facts = json.loads(subprocess.run([python, "-c", ask], capture_output=True, text=True, check=True).stdout)
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "report.xml"
+        started = time.perf_counter()
+        done = subprocess.run([python, "-m", "pytest", "-q", f"--junitxml={report}", *arguments], cwd=ROOT)
+        seconds = round(time.perf_counter() - started)
+        row = {
+            "date": datetime.date.today().isoformat(),
+            **facts,
+            "dependencies": dependencies,
+            "tests": " ".join(a for a in arguments if a.startswith("tests")) or "all",
+            **counts(report),
+            "seconds": seconds,
+        }
+    new = not TABLE.exists()
+    with TABLE.open("a", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        if new:
+            writer.writeheader()
+        writer.writerow(row)
+    return done.returncode
+
+
+def main() -> int:
+    """Make an environment or take one, and run the tests in it."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--python", default=sys.executable, help="the interpreter to make the environment with"
+    )
+    parser.add_argument("--mujoco", help="version; by default the newest or lowest that is allowed")
+    parser.add_argument("--dependencies", choices=("lowest", "newest"), default="newest")
+    parser.add_argument("--environment", type=Path, help="a virtual environment to take as it is")
+    parser.add_argument("pytest", nargs="*", help="arguments of pytest, behind --")
+    arguments = parser.parse_args()
+    if arguments.environment is not None:
+        return run(arguments.environment.absolute(), arguments.pytest, arguments.dependencies)
+    with tempfile.TemporaryDirectory() as folder:
+        environment = Path(folder) / "venv"
+        make(environment, arguments.python, arguments.mujoco, arguments.dependencies)
+        return run(environment, arguments.pytest, arguments.dependencies)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
