@@ -57,7 +57,7 @@ def _help() -> str:
     ]
     return "\n".join(
         [
-            "usage: swimmer-mj COMMAND ...",
+            f"usage: swimmer-mj {{{','.join(command.__name__ for command in COMMANDS)}}} ...",
             "",
             _DESCRIPTION,
             "",
