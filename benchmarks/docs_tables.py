@@ -58,7 +58,6 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "gait-basins": gait_tables.basins,
     "gait-shares": gait_tables.shares,
     "any-model": tables.any_model,
-    "platforms": tables.platforms,
     "cluster-scale": tables.cluster_scale,
     "run-cost": tables.run_cost,
     "model-peers": tables.model_peers,

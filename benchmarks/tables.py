@@ -252,24 +252,6 @@ def devices() -> Summary:
     return Summary("", ("engine, network", "device", "trajectories", "rounds/s"), rows)
 
 
-def platforms() -> Summary:
-    """Where the tests were run, and what came of it (``tools/matrix.py``)."""
-    with (RESULTS / "platforms.csv").open(encoding="utf-8", newline="") as file:
-        rows = [
-            (
-                f"{row['system']}, {row['processor']}",
-                *(row[name] for name in ("python", "mujoco", "dm-control", "numpy", "torch", "numba")),
-                row["dependencies"],
-                row["tests"].replace("tests/", ""),
-                *(row[name] for name in ("passed", "failed", "skipped", "seconds")),
-                row["date"],
-            )
-            for row in csv.DictReader(file)
-        ]
-    header = ("system", "Python", "MuJoCo", "dm_control", "NumPy", "torch", "numba", "dependencies", "tests")
-    return Summary("", (*header, "passed", "failed", "skipped", "s", "date"), rows)
-
-
 def cluster_scale() -> Summary:
     """What the coordinator of a sweep on a Ray cluster has to do, by the number of nodes."""
     measured = json.loads((RESULTS / "cluster-scale.json").read_text(encoding="utf-8"))

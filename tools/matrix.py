@@ -4,8 +4,8 @@
 
 makes a virtual environment, installs this checkout into it with the MuJoCo that is named and with the newest or the
 lowest versions of the other dependencies that pyproject.toml allows, runs pytest with the arguments behind ``--``, and
-appends what came of it to ``benchmarks/results/platforms.csv``; ``python benchmarks/docs_tables.py`` then writes
-docs/platforms.md. ``--environment DIR`` takes one that is there, as it is. The exit status is pytest's.
+appends what came of it to ``benchmarks/results/platforms.csv``, from which the table of docs/platforms.md is.
+``--environment DIR`` takes one that is there, as it is. The exit status is pytest's.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ import os
 import platform
 import tempfile
 from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -133,7 +134,8 @@ def _lead(config: RunConfig, result: dict[str, Any]) -> str:
 def _versions() -> str:
     from importlib.metadata import version
 
-    packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    there = [name for name in PACKAGES if name != "dm-control" or find_spec("dm_control")]
+    packages = ", ".join(f"{name} {version(name)}" for name in there)
     return f"{packages}, Python {platform.python_version()}, {platform.machine()} {platform.system()}."
 
 
