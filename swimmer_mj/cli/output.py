@@ -74,7 +74,7 @@ def live_display(console: Console, draw: Callable[[], Any]) -> Iterator[Any]:
         return
     from rich.live import Live
 
-    with Live(get_renderable=draw, console=console, refresh_per_second=4) as live:
+    with Live(get_renderable=draw, console=console, refresh_per_second=1) as live:
         yield live
 
 
