@@ -62,6 +62,8 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "run-cost": tables.run_cost,
     "model-peers": tables.model_peers,
     "model-peers-tuning": tables.model_peers_tuning,
+    "planners": tables.planners,
+    "open-loop-wave": tables.open_loop_wave,
     "long-runs": partial(tables.long_runs, LOGS),
 }
 

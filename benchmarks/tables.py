@@ -14,6 +14,8 @@ import robustness
 from compare_learners import Curve, reached
 from model_peers import OUT as PEERS_LOG
 from model_peers import curves as peers_curves
+from open_loop_wave import OUT as WAVE_LOG
+from planners import OUT as PLANNERS_LOG
 
 from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments.summaries import Summary
@@ -21,6 +23,7 @@ from swimmer_mj.learning.experiments.tables import read_table
 
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
 SPEED = RESULTS / "learning-speed.json"
+PLANNER_NAMES = {"ilqr": "iLQR", "ddp": "DDP", "mppi": "MPPI"}
 PAPER_RATE = 2.5e6 * 500 / (7 * 86400)  # steps/s: 2.5 million trials in a week
 
 
@@ -324,6 +327,41 @@ def model_peers_tuning() -> Summary:
         label = compare_learners.NAMES[name]
         table.append((label, ", ".join(f"{speed:.2f}" for speed in speeds), chosen or "the best known"))
     return Summary("", ("learner", "last looks at the settings tried, m/s", "into the final"), table)
+
+
+def open_loop_wave() -> Summary:
+    """The best wave that looks at nothing."""
+    with WAVE_LOG.open(newline="", encoding="utf-8") as file:
+        rows = [
+            (row["links"], *(f"{float(row[name]):.2f}" for name in ("speed_on_mujoco", "period", "lag")))
+            for row in csv.DictReader(file)
+        ]
+    return Summary("", ("links", "speed, m/s", "period, s", "lag, rad"), rows)
+
+
+def planners() -> Summary:
+    """Planners without learning: how fast, and at what price."""
+    with PLANNERS_LOG.open(newline="", encoding="utf-8") as file:
+        rows, tuned = list(csv.DictReader(file)), {}
+    for row in rows:
+        if row["stage"] == "tune":
+            tuned.setdefault(row["planner"], []).append(f"{float(row['10_to_20s']):.2f}")
+    table = []
+    for row in rows:
+        if row["stage"] == "final":
+            chosen = ", ".join(f"{key} {short(value)}" for key, value in json.loads(row["settings"]).items())
+            speeds = (f"{float(row[window]):.2f}" for window in ("first_5s", "10_to_20s", "30_to_60s"))
+            price = f"{float(row['ms_a_control_step']):.1f}"
+            tries = ", ".join(tuned[row["planner"]])
+            table.append((PLANNER_NAMES[row["planner"]], tries, chosen or "the best known", price, *speeds))
+    head = ("planner", "settings tried, m/s", "into the final", "ms a control step", "first 5 s, m/s", "10 to 20 s",
+            "30 to 60 s")  # fmt: skip
+    return Summary("", head, table)
+
+
+def short(value: float | str) -> str:
+    """Three digits of a number."""
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def long_runs(logs: Path) -> Summary:

@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 METRICS = ("trial", "seconds", "mean_value", "mean_squared_hamiltonian", "speed")
 """Columns of a run's metrics.csv: -, s, m, m^2/s^2, m/s."""
 
-OPEN_LOOP_SPEED = {3: 0.36, 4: 0.35, 5: 0.54}
-"""Speed of the best open-loop travelling wave of bang-bang torques by number of links, m/s (A.5's values)."""
+OPEN_LOOP_SPEED = {3: 0.75, 4: 0.48, 5: 0.61}
+"""Of the best open-loop wave of bang-bang torques, by number of links, m/s: benchmarks/open_loop_wave.py."""
 
 
 def read_metrics(path: str | os.PathLike[str]) -> dict[str, Array]:

@@ -79,7 +79,7 @@ def test_read_metrics_refuses(metrics, written, message):
 def test_learning_curve_draws_each_run_against_trials(metrics, tmp_path):
     slower = ROWS * [1, 1, 0.5, 2.0, 0.5]
     runs = [("seed 0", metrics()), ("seed 1", metrics(slower, name="slower.csv"))]
-    figure = learning_curve(runs, reference_speed=0.54)
+    figure = learning_curve(runs, reference_speed=0.61)
     value, hamiltonian, speed = figure.axes
     for axes, column in ((value, 2), (hamiltonian, 3), (speed, 4)):
         curves = [line for line in axes.lines if len(line.get_xdata()) == 4]
@@ -99,11 +99,11 @@ def test_the_squared_hamiltonian_is_labelled_in_plain_numbers(metrics):
 
 
 def test_learning_curve_marks_the_best_evaluation_and_the_reference(metrics):
-    speed = learning_curve([("seed 0", metrics())], reference_speed=0.54).axes[2]
+    speed = learning_curve([("seed 0", metrics())], reference_speed=0.61).axes[2]
     (star,) = [line for line in speed.lines if line.get_marker() == "*"]
     np.testing.assert_array_equal(star.get_xydata(), [[4000, 1.31]])
-    (reference,) = [line for line in speed.lines if list(line.get_ydata()) == [0.54, 0.54]]
-    assert reference.get_label() == "open-loop wave, 0.54 m/s"
+    (reference,) = [line for line in speed.lines if list(line.get_ydata()) == [0.61, 0.61]]
+    assert reference.get_label() == "open-loop wave, 0.61 m/s"
     unmarked = learning_curve([("seed 0", metrics())]).axes[2]
     assert len(unmarked.lines) == len(speed.lines) - 1
 
