@@ -27,6 +27,12 @@ def test_nothing_was_lost_and_nothing_wrong_was_taken():
     assert {row["wrong"] for row in trouble.read("fuzzed-inputs")} == {"0"}
 
 
+def test_watching_and_saving_cost_little():
+    percent = {row["part"]: float(row["percent"]) for row in trouble.read("watching-cost")}
+    assert percent["watching"] + percent["TensorBoard"] < 2
+    assert percent["saving"] < 1
+
+
 def test_a_log_of_a_kill_has_its_columns():
     from kill_and_resume import Kill
 
