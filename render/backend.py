@@ -24,6 +24,7 @@ Backend = Literal["osmesa", "egl", "glfw", "cgl"]
 """OSMesa draws on the CPU and needs no screen; EGL draws without a screen, GLFW and CGL (macOS) with one."""
 
 _OSMESA = ["libOSMesa.so", *(f"libOSMesa.so.{major}" for major in range(9, -1, -1))]
+_EGL = ["libEGL.so", "libEGL.so.1"]
 
 
 class BackendError(RuntimeError):
@@ -46,11 +47,17 @@ class Probe:
 
 
 def default_backend() -> Backend:
-    """Return the backend that ``MUJOCO_GL`` names, else OSMesa, which draws the same everywhere."""
+    """Return the backend that ``MUJOCO_GL`` names, else the one for this system.
+
+    That is OSMesa, which draws the same everywhere; EGL where there is EGL and no OSMesa, which Mesa has no longer
+    since 25.1; CGL on macOS and GLFW on Windows, which have neither.
+    """
     named = os.environ.get("MUJOCO_GL", "").strip().lower()
-    if named in ("", "1", "on", "true", "enable", "enabled"):
-        return "cgl" if sys.platform == "darwin" else "osmesa"
-    return _known(named, "the environment variable MUJOCO_GL")
+    if named not in ("", "1", "on", "true", "enable", "enabled"):
+        return _known(named, "the environment variable MUJOCO_GL")
+    if sys.platform in ("darwin", "win32"):
+        return "cgl" if sys.platform == "darwin" else "glfw"
+    return "egl" if not _loads(_OSMESA) and _loads(_EGL) else "osmesa"
 
 
 def use_backend(backend: str | None = None) -> Backend:
@@ -136,9 +143,12 @@ def _bound_backend() -> Backend | None:
 def _lacks(backend: Backend) -> str | None:
     """Say what the system lacks to use ``backend``, in one line; None if nothing is known to be missing."""
     if backend == "osmesa" and not _loads(_OSMESA):
-        return "the OSMesa library is missing; install it with: sudo apt-get install libosmesa6"
-    if backend == "egl" and not _loads(["libEGL.so", "libEGL.so.1"]):
-        return "the EGL library is missing; install it with: sudo apt-get install libegl1"
+        return (
+            "the OSMesa library is missing; install it with: sudo apt-get install libosmesa6, "
+            "or where that is no longer had: libegl1 libgl1-mesa-dri"
+        )
+    if backend == "egl" and not _loads(_EGL):
+        return "the EGL library is missing; install it with: sudo apt-get install libegl1 libgl1-mesa-dri"
     if backend == "glfw" and sys.platform == "linux" and not _has_display():
         return "glfw needs a screen and there is none (DISPLAY is not set); use osmesa or egl"
     return None

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import ClassVar, get_args, get_type_hints
 
@@ -19,6 +20,7 @@ from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs.config import read_config
 from swimmer_mj.learning.td.method import TemporalDifferences
 from swimmer_mj.learning.value_gradient.method import ValueGradients
+from swimmer_mj.render.backend import default_backend
 from swimmer_mj.render.curves import read_metrics
 from swimmer_mj.trajectory import Trajectory
 
@@ -276,16 +278,16 @@ def test_doctor(capsys):
     assert status == 0, report
     assert report["problems"] == []
     assert report["callback"]["passed"] is True
-    assert report["rendering"]["backend"] == "osmesa"
-    assert report["versions"]["mujoco"].startswith("3.")
+    assert report["rendering"]["backend"] == default_backend()
+    assert report["versions"]["mujoco"] == version("mujoco")
 
 
 def test_doctor_and_info_print_tables_for_people(monkeypatch, capsys, trained):
     status, out, _ = run(capsys, "doctor")
     rows = dict(line.split(maxsplit=1) for line in out.splitlines() if len(line.split()) > 1)
     assert status == 0
-    assert rows["mujoco"].startswith("3.")
-    assert rows["rendering"].startswith("ok: osmesa drew a frame in ")
+    assert rows["mujoco"].strip() == version("mujoco")
+    assert rows["rendering"].startswith(f"ok: {default_backend()} drew a frame in ")
     assert rows["callback"].startswith("ok: ")
     status, out, _ = run(capsys, "info", trained)
     rows = dict(line.split(maxsplit=1) for line in out.splitlines() if len(line.split()) > 1)

@@ -5,7 +5,8 @@
 makes a virtual environment, installs this checkout into it with the MuJoCo that is named and with the newest or the
 lowest versions of the other dependencies that pyproject.toml allows, runs pytest with the arguments behind ``--``, and
 appends what came of it to ``benchmarks/results/platforms.csv``, from which the table of docs/platforms.md is.
-``--environment DIR`` takes one that is there, as it is. The exit status is pytest's.
+``--environment DIR`` keeps the environment in DIR; one that is there already is taken as it is. The exit status is
+pytest's. tools/debian.sh runs this in another Debian, or on another processor.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "benchmarks" / "results" / "platforms.csv"
 PACKAGES = ("swimmer-mj", "mujoco", "dm-control", "numpy", "torch", "numba")
+EXTRAS = ("gymnasium", "peers", "cluster", "tensorboard", "gaits")
+"""Those that a user may want; what develops and documents the package is always the newest."""
 COLUMNS = (
     "date", "system", "processor", "python", *PACKAGES, "dependencies", "tests", "passed", "failed", "skipped",
     "seconds",
@@ -49,12 +52,14 @@ print(json.dumps({"system": system, "processor": platform.machine(), "python": p
 
 
 def lowest(root: Path = ROOT) -> list[str]:
-    """The dependencies of pyproject.toml and of its extra ``gymnasium``, each at its lower bound.
+    """The dependencies of pyproject.toml and of the extras that are used, each at its lower bound.
 
     Those of other Pythons keep their markers, so that pip leaves them out.
     """
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    wanted = project["dependencies"] + project["optional-dependencies"]["gymnasium"]
+    wanted = list(project["dependencies"])
+    for extra in EXTRAS:
+        wanted += [one for one in project["optional-dependencies"][extra] if not one.startswith("swimmer-mj")]
     return [re.sub(r">=([\d.]+)(,<[\d.]+)?", r"==\1", requirement) for requirement in wanted]
 
 
@@ -70,8 +75,7 @@ def make(environment: Path, python: str, mujoco: str | None, dependencies: str) 
         constraints.write_text(
             "\n".join(pin.replace("[ffmpeg]", "") for pin in pins) + "\n", encoding="utf-8"
         )
-        tests = ["pytest", "pytest-xdist", "hypothesis", "selenium", "stable-baselines3", "torchrl"]
-        subprocess.run([*pip, "-c", str(constraints), "-e", f"{ROOT}[gymnasium]", *tests], check=True)
+        subprocess.run([*pip, "-c", str(constraints), "-e", f"{ROOT}[dev]"], check=True)
 
 
 def program(environment: Path) -> Path:
@@ -125,14 +129,13 @@ def main() -> int:
     )
     parser.add_argument("--mujoco", help="version; by default the newest or lowest that is allowed")
     parser.add_argument("--dependencies", choices=("lowest", "newest"), default="newest")
-    parser.add_argument("--environment", type=Path, help="a virtual environment to take as it is")
+    parser.add_argument("--environment", type=Path, help="where to keep it; taken as it is if it is there")
     parser.add_argument("pytest", nargs="*", help="arguments of pytest, behind --")
     arguments = parser.parse_args()
-    if arguments.environment is not None:
-        return run(arguments.environment.absolute(), arguments.pytest, arguments.dependencies)
     with tempfile.TemporaryDirectory() as folder:
-        environment = Path(folder) / "venv"
-        make(environment, arguments.python, arguments.mujoco, arguments.dependencies)
+        environment = (arguments.environment or Path(folder) / "venv").absolute()
+        if not environment.exists():
+            make(environment, arguments.python, arguments.mujoco, arguments.dependencies)
         return run(environment, arguments.pytest, arguments.dependencies)
 
 

@@ -42,7 +42,7 @@ def demo(
     Args:
         seed: Of the two learners that are trained side by side: of value gradients, and the paper's.
         out: Run directory; a number is added if it is taken.
-        backend: OpenGL backend; by default the one that MUJOCO_GL names, else OSMesa, on macOS CGL.
+        backend: OpenGL backend; by default the one that MUJOCO_GL names, else OSMesa, or EGL without it.
         json: Print one JSON object.
     """
     check_seed(seed)

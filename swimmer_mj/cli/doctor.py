@@ -35,7 +35,7 @@ def doctor(backend: Backend | None = None, json: bool = False) -> None:
     """Is this installation sound? Versions, drawing, video, cache, disk, cores, and the friction callback at work.
 
     Args:
-        backend: OpenGL backend to try; by default the one that MUJOCO_GL names, else OSMesa, on macOS CGL.
+        backend: OpenGL backend to try; by default the one that MUJOCO_GL names, else OSMesa, or EGL without it.
         json: Print one JSON object.
     """
     pieces: dict[str, Callable[[], Any]] = {

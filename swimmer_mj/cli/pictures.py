@@ -66,7 +66,7 @@ def render(
         fps: Frames per second of the video.
         over: Two coordinates over which V is drawn: theta1 .., omega1 .., vx, vy, in the frame of the target.
         at: Of which moment of the episode the other coordinates are then, s; of its end by default.
-        backend: OpenGL backend; by default the one that MUJOCO_GL names, else OSMesa, on macOS CGL.
+        backend: OpenGL backend; by default the one that MUJOCO_GL names, else OSMesa, or EGL without it.
         trust: Modules of one's own that may run when the run names them (docs/extending.md).
         json: Print one JSON object.
     """

@@ -58,7 +58,7 @@ def report(
         which: The weights that were best while training, or the last.
         episodes: Of the evaluation; 64 by the definition of swimming speed.
         duration: Length of the episode that is drawn, s; the target direction is reversed after 5/13 of it.
-        backend: OpenGL backend; by default the one that MUJOCO_GL names, else OSMesa, on macOS CGL.
+        backend: OpenGL backend; by default the one that MUJOCO_GL names, else OSMesa, or EGL without it.
         trust: Modules of one's own that may run when the run names them (docs/extending.md).
         json: Print one JSON object.
     """
