@@ -63,6 +63,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "model-peers": tables.model_peers,
     "model-peers-tuning": tables.model_peers_tuning,
     "planners": tables.planners,
+    "platforms": tables.platforms,
     "open-loop-wave": tables.open_loop_wave,
     "long-runs": partial(tables.long_runs, LOGS),
 }

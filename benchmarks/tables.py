@@ -23,6 +23,7 @@ from swimmer_mj.learning.experiments.tables import read_table
 
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
 SPEED = RESULTS / "learning-speed.json"
+PLATFORMS_LOG = RESULTS / "platforms.csv"
 PLANNER_NAMES = {"ilqr": "iLQR", "ddp": "DDP", "mppi": "MPPI"}
 PAPER_RATE = 2.5e6 * 500 / (7 * 86400)  # steps/s: 2.5 million trials in a week
 
@@ -337,6 +338,22 @@ def open_loop_wave() -> Summary:
             for row in csv.DictReader(file)
         ]
     return Summary("", ("links", "speed, m/s", "period, s", "lag, rad"), rows)
+
+
+def platforms() -> Summary:
+    """Where the tests were run, and what came of it."""
+    names = ("python", "mujoco", "dm-control", "numpy", "torch", "numba", "dependencies")
+    table = []
+    with PLATFORMS_LOG.open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            system = f"{row['system'].removeprefix('Debian GNU/Linux ')}, {row['processor']}"
+            few = row["tests"].split()
+            which = few[0] if len(few) == 1 else f"{len(few)} files"
+            counts = (row[name] for name in ("passed", "failed", "skipped", "seconds"))
+            table.append((system, *(row[name] for name in names), which, *counts))
+    head = ("Debian", "Python", "MuJoCo", "dm_control", "NumPy", "torch", "numba", "dependencies", "tests", "passed",
+            "failed", "skipped", "s")  # fmt: skip
+    return Summary("", head, table)
 
 
 def planners() -> Summary:

@@ -3,11 +3,14 @@
 import importlib.util
 import re
 import shutil
+import subprocess
+import sys
 import zlib
 from importlib.metadata import distribution
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted(path for path in (ROOT / "docs" / "notebooks").glob("*.md") if path.name != "index.md")
@@ -23,6 +26,7 @@ def loaded(path):
 
 check_site = loaded(ROOT / "tools" / "check_site.py")
 licences = loaded(ROOT / "tools" / "licences.py")
+matrix = loaded(ROOT / "tools" / "matrix.py")
 release = loaded(ROOT / "tools" / "release.py")
 
 
@@ -195,3 +199,36 @@ def test_a_command_that_fails_is_told_in_one_line(tmp_path):
     with pytest.raises(RuntimeError, match="ended with status 3: no") as failure:
         release.run(["sh", "-c", "echo no >&2; exit 3"], tmp_path)
     assert str(failure.value).count("\n") == 0
+
+
+def test_the_lowest_versions_are_those_of_the_metadata():
+    pins = {(one.name, str(one.marker)): one.specifier for one in map(Requirement, matrix.lowest())}
+    found = 0
+    for text in distribution("swimmer-mj").requires:
+        one = Requirement(text)
+        if one.marker is None or "extra" not in str(one.marker):
+            (least,) = (part.version for part in one.specifier if part.operator == ">=")
+            assert str(pins[one.name, str(one.marker)]) == f"=={least}"
+            found += 1
+    assert 12 < found < len(pins)
+
+
+def test_the_matrix_counts_tests_as_pytest_does(tmp_path):
+    (tmp_path / "test_it.py").write_text(
+        "import pytest\ndef test_passes(): pass\ndef test_fails(): assert False\n"
+        "@pytest.fixture\ndef broken(): raise ValueError\ndef test_errs(broken): pass\n"
+        "@pytest.mark.skip\ndef test_skips(): pass\n@pytest.mark.skip\ndef test_skips_too(): pass\n"
+    )
+    report = tmp_path / "report.xml"
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        f"--junitxml={report}",
+        tmp_path,
+    ]
+    assert subprocess.run(command, cwd=tmp_path, capture_output=True).returncode == 1
+    assert matrix.counts(report) == {"passed": 1, "failed": 2, "skipped": 2}
