@@ -26,7 +26,7 @@ fi
 for folder in proc sys dev dev/shm; do
     mountpoint -q "$root/$folder" || mount --bind "/$folder" "$root/$folder"
 done
-trap 'umount "$root/dev/shm" "$root/dev" "$root/sys" "$root/proc"' EXIT
+trap 'umount -l "$root/dev/shm" "$root/dev" "$root/sys" "$root/proc"' EXIT
 cp /etc/resolv.conf "$root/etc/resolv.conf"
 
 inside() { chroot "$root" /usr/bin/env HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C.UTF-8 "$@"; }
@@ -36,6 +36,7 @@ for package in $packages; do # one by one: what this Debian does not have must n
         inside env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$package" >/dev/null 2>&1 ||
         echo "debian.sh: $suite has no $package" >&2
 done
+cp -L /etc/ssl/certs/ca-certificates.crt "$root/etc/ssl/certs/" # a proxy's, if there is one
 rm -rf "$root/root/swimmer-mj"
 git clone --quiet "$here" "$root/root/swimmer-mj"
 status=0
