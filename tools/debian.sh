@@ -15,7 +15,10 @@ root=$3
 shift 3
 here=$(cd "$(dirname "$0")/.." && pwd)
 table=benchmarks/results/platforms.csv
-packages="python3 python3-venv git ca-certificates make libegl1 libgl1-mesa-dri libosmesa6 chromium chromium-driver"
+packages="python3 python3-venv git ca-certificates libegl1 libgl1-mesa-dri libosmesa6"
+if [ "$architecture" = "$(dpkg --print-architecture)" ]; then
+    packages="$packages chromium chromium-driver" # qemu is too slow for a browser
+fi
 
 if [ ! -e "$root/etc/debian_version" ]; then
     debootstrap --arch="$architecture" --variant=minbase "$suite" "$root" >"$root.log" 2>&1 || {
