@@ -1,4 +1,5 @@
 import contextlib
+import gc
 import os
 
 import pytest
@@ -17,6 +18,13 @@ with contextlib.suppress(BackendError):
 # How fast an example is depends on the machine and on what else it does.
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick_collections():
+    """Else each gc.collect() of a test takes a second, for all that torch, numba and earlier tests have made."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
