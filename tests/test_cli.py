@@ -36,7 +36,7 @@ def run(capsys, *arguments):
 def trained(tmp_path_factory):
     """A run of a swimmer that has hardly learned."""
     out = tmp_path_factory.mktemp("runs") / "run"
-    assert main(["train", "--out", str(out), "--trials", "60", "--evaluate-every", "30", "--links", "2"]) == 0
+    assert main(["train", "--out", str(out), "--trials", "60", "--evaluate-every", "30", "--links", "3"]) == 0
     return out
 
 
@@ -291,7 +291,7 @@ def test_doctor_and_info_print_tables_for_people(monkeypatch, capsys, trained):
     assert rows["callback"].startswith("ok: ")
     status, out, _ = run(capsys, "info", trained)
     rows = dict(line.split(maxsplit=1) for line in out.splitlines() if len(line.split()) > 1)
-    assert (status, rows["config.problem.parameters.n_links"].strip()) == (0, "2")
+    assert (status, rows["config.problem.parameters.n_links"].strip()) == (0, "3")
     assert "{" not in out
 
 
@@ -303,7 +303,7 @@ def test_info(capsys, trained):
     assert json.loads(out)["methods"] == ["td", "value-gradient"]
     status, out, _ = run(capsys, "info", trained, "--json")
     assert status == 0
-    assert json.loads(out)["config"]["problem"]["parameters"]["n_links"] == 2
+    assert json.loads(out)["config"]["problem"]["parameters"]["n_links"] == 3
 
 
 def test_info_offers_the_tasks_and_problems_there_are(monkeypatch, capsys):
@@ -337,7 +337,7 @@ PENDULUM = ["--problem", "pendulum", "--neurons", "8"]
 def seeds(tmp_path_factory):
     """Runs of three swimmers that have hardly learned."""
     out = tmp_path_factory.mktemp("runs") / "[runs]"
-    learning = ["--links", "2", "--neurons", "4", "--trials", "5", "--evaluate-every", "5"]
+    learning = ["--links", "3", "--neurons", "4", "--trials", "5", "--evaluate-every", "5"]
     assert main(["train", "--out", str(out), "--seeds", "3-5", *learning]) == 0
     return out
 
@@ -361,9 +361,9 @@ def test_render_and_view_say_which_of_several_runs_is_taken(tmp_path, monkeypatc
     _, out, _ = run(capsys, "render", seeds, "--out", tmp_path, "--json")
     assert json.loads(out) == {"run": str(seeds / "seed-3"), "video": str(tmp_path / "a.mp4")}
     assert drawn == 2 * [seeds / "seed-3"]
-    status, out, err = run(capsys, "view", "swim3", seeds)
+    status, out, err = run(capsys, "view", "swim4", seeds)
     assert (status, out) == (2, taken)
-    assert "learned to move 2 links" in err
+    assert "learned to move 3 links" in err
 
 
 def test_a_taken_directory_of_several_is_found_before_the_first_is_written(tmp_path, capsys):
@@ -533,19 +533,16 @@ def test_view_shows_random_torques(capsys, viewer):
     assert not np.array_equal(actions, other)
 
 
-def test_view_shows_the_policy_of_a_run(tmp_path, capsys, viewer):
-    out = tmp_path / "run"
-    learning = ["--links", "3", "--neurons", "8", "--trials", "5", "--evaluate-every", "5"]
-    assert run(capsys, "train", "--out", out, *learning)[0] == 0
-    status, printed, err = run(capsys, "view", "swim3", out)
+def test_view_shows_the_policy_of_a_run(capsys, viewer, trained):
+    status, printed, err = run(capsys, "view", "swim3", trained)
     assert (status, err) == (0, "")
     assert "Space: start, pause" in printed
     ((title, links, actions, _),) = viewer.calls
-    assert title == f"swim3: {out}"
+    assert title == f"swim3: {trained}"
     assert links == 3
     assert np.array_equal(np.abs(actions), np.ones((700, 2)))  # bang-bang
-    status, _, err = run(capsys, "view", "swim5", out)
-    assert (status, err) == (2, f"swimmer-mj: {out} learned to move 3 links, and swim5 has 5\n")
+    status, _, err = run(capsys, "view", "swim5", trained)
+    assert (status, err) == (2, f"swimmer-mj: {trained} learned to move 3 links, and swim5 has 5\n")
     assert run(capsys, "view", "swim5", "nowhere")[0] == 2
 
 

@@ -2,8 +2,8 @@
 # Run the tests in another Debian, or on another processor: tools/debian.sh SUITE ARCHITECTURE DIR [OPTIONS OF matrix.py]
 #
 #   tools/debian.sh trixie amd64 /var/tmp/trixie
-#   tools/debian.sh sid amd64 /var/tmp/sid --mujoco 3.17.0 -- tests/swimmer_mj
-#   tools/debian.sh trixie arm64 /var/tmp/arm64 -- -n 0 tests/swimmer_mj/test_dynamics.py
+#   tools/debian.sh sid amd64 /var/tmp/sid --pins mujoco==3.17.0 -- tests/swimmer_mj
+#   tools/debian.sh trixie arm64 /var/tmp/arm64 --pins torch==2.9.1 -- tests/swimmer_mj/test_dynamics.py
 #
 # Makes the system in DIR, unless it is there, with Debian's own Python; checks out there what is committed here; has
 # tools/matrix.py make an environment, unless it is there, and run the tests; and appends its row to our table of platforms.

@@ -1,10 +1,9 @@
 """Run the tests in an environment of its own, and add a row to the table of platforms.
 
-    python tools/matrix.py --python python3.13 --mujoco 3.17.0 --dependencies lowest -- tests/swimmer_mj
+    python tools/matrix.py --python python3.13 --pins mujoco==3.17.0 -- tests/swimmer_mj
 
-makes a virtual environment, installs this checkout into it with the MuJoCo that is named and with the newest or the
-lowest versions of the other dependencies that pyproject.toml allows, runs pytest with the arguments behind ``--``, and
-appends what came of it to ``benchmarks/results/platforms.csv``, from which the table of docs/platforms.md is.
+makes a virtual environment, installs this checkout into it with the newest versions of its dependencies but for those
+that are pinned, or the lowest that pyproject.toml allows, runs pytest with the arguments behind ``--``, and appends what came of it to ``benchmarks/results/platforms.csv``, from which the table of docs/platforms.md is.
 ``--environment DIR`` keeps the environment in DIR; one that is there already is taken as it is. The exit status is
 pytest's. tools/debian.sh runs this in another Debian, or on another processor.
 """
@@ -60,22 +59,20 @@ def lowest(root: Path = ROOT) -> list[str]:
     wanted = list(project["dependencies"])
     for extra in EXTRAS:
         wanted += [one for one in project["optional-dependencies"][extra] if not one.startswith("swimmer-mj")]
-    return [re.sub(r">=([\d.]+)(,<[\d.]+)?", r"==\1", requirement) for requirement in wanted]
+    pinned = (re.sub(r">=([\d.]+)(,<[\d.]+)?", r"==\1", requirement) for requirement in wanted)
+    return [one.replace("[ffmpeg]", "") for one in pinned]  # constraints have no extras
 
 
-def make(environment: Path, python: str, mujoco: str | None, dependencies: str) -> None:
-    """Install this checkout, and what its tests need, into a new environment."""
+def make(environment: Path, python: str, pins: list[str]) -> None:
+    """Install this checkout, and what its tests need, into a new environment; by uv, which is quick at it."""
     subprocess.run([python, "-m", "venv", str(environment)], check=True)
-    pip = [str(program(environment)), "-m", "pip", "install", "--quiet"]
-    pins = lowest() if dependencies == "lowest" else []
-    if mujoco is not None:
-        pins = [pin for pin in pins if not pin.startswith("mujoco")] + [f"mujoco=={mujoco}"]
+    own = str(program(environment))
+    subprocess.run([own, "-m", "pip", "install", "--quiet", "uv"], check=True)
     with tempfile.TemporaryDirectory() as folder:
         constraints = Path(folder) / "constraints.txt"
-        constraints.write_text(
-            "\n".join(pin.replace("[ffmpeg]", "") for pin in pins) + "\n", encoding="utf-8"
-        )
-        subprocess.run([*pip, "-c", str(constraints), "-e", f"{ROOT}[dev]"], check=True)
+        constraints.write_text("\n".join(pins) + "\n", encoding="utf-8")
+        install = [own, *"-m uv pip install --quiet --constraint".split(), str(constraints), "--python", own]
+        subprocess.run([*install, "--editable", f"{ROOT}[dev]"], check=True)
 
 
 def program(environment: Path) -> Path:
@@ -127,15 +124,16 @@ def main() -> int:
     parser.add_argument(
         "--python", default=sys.executable, help="the interpreter to make the environment with"
     )
-    parser.add_argument("--mujoco", help="version; by default the newest or lowest that is allowed")
     parser.add_argument("--dependencies", choices=("lowest", "newest"), default="newest")
+    parser.add_argument("--pins", nargs="*", default=[], help="as mujoco==3.17.0")
     parser.add_argument("--environment", type=Path, help="where to keep it; taken as it is if it is there")
     parser.add_argument("pytest", nargs="*", help="arguments of pytest, behind --")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         environment = (arguments.environment or Path(folder) / "venv").absolute()
         if not environment.exists():
-            make(environment, arguments.python, arguments.mujoco, arguments.dependencies)
+            pins = lowest() if arguments.dependencies == "lowest" else []
+            make(environment, arguments.python, [*arguments.pins, *pins])
         return run(environment, arguments.pytest, arguments.dependencies)
 
 
