@@ -3,7 +3,8 @@
     python tools/matrix.py --python python3.13 --pins mujoco==3.17.0 -- tests/swimmer_mj
 
 makes a virtual environment, installs this checkout into it with the newest versions of its dependencies but for those
-that are pinned, or the lowest that pyproject.toml allows, runs pytest with the arguments behind ``--``, and appends what came of it to ``benchmarks/results/platforms.csv``, from which the table of docs/platforms.md is.
+that are pinned, or with the lowest that pyproject.toml allows, runs pytest with the arguments behind ``--``, and
+appends what came of it to ``benchmarks/results/platforms.csv``, from which the table of docs/platforms.md is.
 ``--environment DIR`` keeps the environment in DIR; one that is there already is taken as it is. The exit status is
 pytest's. tools/debian.sh runs this in another Debian, or on another processor.
 """
@@ -71,8 +72,8 @@ def make(environment: Path, python: str, pins: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         constraints = Path(folder) / "constraints.txt"
         constraints.write_text("\n".join(pins) + "\n", encoding="utf-8")
-        install = [own, *"-m uv pip install --quiet --constraint".split(), str(constraints), "--python", own]
-        subprocess.run([*install, "--editable", f"{ROOT}[dev]"], check=True)
+        into = ["--quiet", "--python", own, "--constraint", str(constraints)]
+        subprocess.run([own, "-m", "uv", "pip", "install", *into, "-e", f"{ROOT}[dev]"], check=True)
 
 
 def program(environment: Path) -> Path:
