@@ -24,6 +24,7 @@ from swimmer_mj.learning.experiments.tables import read_table
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
 SPEED = RESULTS / "learning-speed.json"
 PLATFORMS_LOG = RESULTS / "platforms.csv"
+START_UP = RESULTS / "start-up.json"
 PLANNER_NAMES = {"ilqr": "iLQR", "ddp": "DDP", "mppi": "MPPI"}
 PAPER_RATE = 2.5e6 * 500 / (7 * 86400)  # steps/s: 2.5 million trials in a week
 
@@ -354,6 +355,16 @@ def platforms() -> Summary:
     head = ("Debian", "Python", "MuJoCo", "dm_control", "NumPy", "torch", "numba", "dependencies", "tests", "passed",
             "failed", "skipped", "s")  # fmt: skip
     return Summary("", head, table)
+
+
+def start_up() -> Summary:
+    """How long it takes to begin, and the package's size."""
+    found = json.loads(START_UP.read_text(encoding="utf-8"))
+    rows = [(f"`{name}`, ms", f"{1000 * value:.0f}") for name, value in found["seconds"].items()]
+    rows.append(
+        ("the package on disk, without its dependencies, MB", f"{found['installed_bytes'] / 1e6:.1f}")
+    )
+    return Summary("", ("what", "value"), rows)
 
 
 def planners() -> Summary:
