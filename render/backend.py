@@ -18,6 +18,8 @@ import time
 from dataclasses import asdict, dataclass
 from typing import Literal, get_args
 
+from swimmer_mj.libraries import load_triton_apart
+
 __all__ = ["Backend", "BackendError", "Probe", "default_backend", "probe", "use_backend"]
 
 Backend = Literal["osmesa", "egl", "glfw", "cgl"]
@@ -96,6 +98,7 @@ def use_backend(backend: str | None = None) -> Backend:
     if bound is None and chosen in ("osmesa", "egl") and platform not in (None, "", chosen):
         raise BackendError(f"PYOPENGL_PLATFORM is {platform!r} and forbids {chosen!r}: unset it")
     os.environ["MUJOCO_GL"] = chosen
+    load_triton_apart()
     return chosen
 
 

@@ -194,7 +194,8 @@ def make_panel(trajectories: Sequence[Trajectory], width: int, height: int) -> P
     """
     size = max(9, height // 10)
     points = size * 72 / 100
-    figure = Figure(figsize=(width / 100, height / 100), dpi=100, facecolor="white")
+    width_and_height = ((width + 1e-6) / 100, (height + 1e-6) / 100)  # or matplotlib may round down
+    figure = Figure(figsize=width_and_height, dpi=100, facecolor="white")
     with matplotlib.rc_context({"font.size": points, "axes.titlesize": points, "axes.linewidth": 0.6}):
         graphs = figure.subplots(1, 3)
         left, right, gap = (share * size / width for share in (3.4, 1.4, 4.2))

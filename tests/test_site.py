@@ -129,6 +129,9 @@ def test_what_is_loaded_from_the_network_is_found(html, count):
 # Licences
 def test_licences_are_those_of_the_installed_packages():
     """If not: python tools/licences.py. Other machines may have packages that this one lacks."""
+    pins = [one for one in map(Requirement, matrix.lowest()) if one.marker is None]
+    if all(one.specifier.contains(distribution(one.name).version) for one in pins):
+        pytest.skip("these are the lowest versions, some of which word their licences otherwise")
     lines = {*licences.PAGE.read_text(encoding="utf-8").splitlines(keepends=True)}
     assert {*licences.rows()} <= lines
     assert len(licences.rows()) > 40

@@ -25,6 +25,7 @@ INTERNAL = (
     "swimmer_mj.compiled",
     "swimmer_mj.environments.gymnasium",  # swimmer_mj.gymnasium has its name
     "swimmer_mj.files",
+    "swimmer_mj.libraries",
     "swimmer_mj.learning.experiments.",
     "swimmer_mj.learning.networks.actors",
     "swimmer_mj.learning.networks.batched",

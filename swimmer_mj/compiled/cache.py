@@ -141,7 +141,10 @@ class _DiskCache(NullCache):
             return None
         if head.decode(errors="replace") != f"{stamp} {sha256(content)}":
             return None
-        return CompileResult._rebuild(target_context, *pickle.loads(content))
+        try:
+            return CompileResult._rebuild(target_context, *pickle.loads(content))
+        except ModuleNotFoundError:  # numba below 0.62 looks for the module of a function that it made itself
+            return None
 
     def save_overload(self, sig: Any, cres: Any) -> None:
         """Keep ``cres``, numba's result of compiling for arguments of these types."""

@@ -14,6 +14,8 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from swimmer_mj.libraries import load_triton_apart
+
 if TYPE_CHECKING:
     from swimmer_mj.environments.simulation import Simulation
     from swimmer_mj.environments.swimming import InitialStates, Rules
@@ -107,6 +109,7 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
     ) -> None:
         from swimmer_mj.environments import swimming
 
+        load_triton_apart()
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(
                 f"render_mode must be None or one of {self.metadata['render_modes']}, got {render_mode!r}"

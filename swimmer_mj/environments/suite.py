@@ -19,6 +19,7 @@ import numpy as np
 from swimmer_mj import viscous
 from swimmer_mj.environments.simulation import Accessors
 from swimmer_mj.environments.swimming import InitialStates, Rules, task_parameters, wrap_angle
+from swimmer_mj.libraries import load_triton_apart
 from swimmer_mj.mjcf import Friction, mjcf, read_friction, read_parameters
 from swimmer_mj.needs import MissingDmControlError
 from swimmer_mj.parameters import SwimmerParameters
@@ -276,6 +277,7 @@ def load(
     """
     if task_name not in SUITE:
         raise ValueError(f"there is no task {task_name!r}; the tasks are {', '.join(SUITE)}")
+    load_triton_apart()
     env = SUITE[task_name](**(task_kwargs or {}), environment_kwargs=environment_kwargs)
     env.task.visualize_reward = visualize_reward
     return env

@@ -28,6 +28,7 @@ from swimmer_mj import state as st
 from swimmer_mj.environments.gymnasium import Action, Array, SwimmerEnv, legacy_seed, whole_number
 from swimmer_mj.environments.simulation import PhysicsError
 from swimmer_mj.environments.swimming import wrap_angle
+from swimmer_mj.libraries import load_triton_apart
 
 __all__ = ["SwimmerVectorEnv"]
 
@@ -73,6 +74,7 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         nthread: int = 0,
         **kwargs: Any,
     ) -> None:
+        load_triton_apart()
         num_envs = whole_number("num_envs", num_envs)
         nthread = whole_number("nthread", nthread, least=0)
         if max_episode_steps is None or max_episode_steps == -1:

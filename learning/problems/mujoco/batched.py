@@ -158,7 +158,7 @@ class MujocoBatch:
             )
 
         def rows(y: Tensor) -> Array:
-            return np.ascontiguousarray(y.view(T, N, y.shape[1]).transpose(1, 2).numpy())
+            return np.ascontiguousarray(y.detach().view(T, N, y.shape[1]).transpose(1, 2).numpy())
 
         return r.detach().view(T, N).numpy(), rows(drdx), rows(rho)
 

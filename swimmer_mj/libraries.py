@@ -1,0 +1,28 @@
+"""Shared libraries that do not bear each other in one process."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import os
+import sys
+from pathlib import Path
+
+__all__ = ["load_triton_apart"]
+
+
+def load_triton_apart() -> None:
+    """Load triton's library so that it takes its own LLVM for its own, if MuJoCo draws by OSMesa and triton is there.
+
+    PyOpenGL makes the symbols of OSMesa visible to all libraries, and with them Mesa's LLVM. triton has an LLVM too.
+    torch imports triton at the first step of an optimizer; triton then takes the other one, and the process ends with
+    a segmentation fault. Loaded here, with RTLD_DEEPBIND, it does not. It takes some 50 ms, once.
+    """
+    osmesa = "mujoco.osmesa" in sys.modules or os.environ.get("MUJOCO_GL") == "osmesa"
+    if not osmesa or not hasattr(os, "RTLD_DEEPBIND") or "triton" in sys.modules:
+        return
+    found = importlib.util.find_spec("triton")
+    for folder in (found and found.submodule_search_locations) or ():
+        library = Path(folder) / "_C" / "libtriton.so"
+        if library.is_file():
+            ctypes.CDLL(str(library), mode=os.RTLD_NOW | os.RTLD_LOCAL | os.RTLD_DEEPBIND)
