@@ -72,6 +72,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
 TABLES: dict[str, Callable[[], str]] = {
     **{name: partial(experiment, name) for name in summaries.TABLES},
     "claims": lambda: claims().markdown(),
+    "killed-node": tables.killed_node,
     **{name: partial(result, make) for name, make in RESULTS.items()},
 }
 """Each in Markdown, by the name in its mark."""

@@ -19,6 +19,7 @@ import tempfile
 import threading
 import time
 import warnings
+from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -35,9 +36,9 @@ OUT = Path(__file__).parent / "results" / "killed-node.log"
 STUDY = """
 problem = "swim"
 method = "td"
-trials = 3000
+trials = 1200
 seeds = "0-2"
-evaluate_every = 250
+evaluate_every = 100
 
 [set]
 links = 3
@@ -89,6 +90,13 @@ def node_of(process: int, cluster: Any) -> Any:
     )
 
 
+def follow(printed: Iterable[str], log: Log) -> None:
+    """Put into the log what the sweep prints, but for what Ray says of the raylet that was killed."""
+    for line in printed:
+        if "(raylet)" not in line and line.strip() and not line.startswith("    ["):
+            log(f"sweep: {line.rstrip()}")
+
+
 def under_way(jobs: list[Job], directory: Path, evaluations: int) -> tuple[Job, int]:
     """Wait for a run that has been evaluated twice and has a third of its way to go: it, and who holds it."""
     while True:
@@ -126,9 +134,7 @@ def on_cluster(study: Path, jobs: list[Job], directory: Path, evaluations: int, 
             stderr=subprocess.STDOUT,
             text=True,
         )
-        reader = threading.Thread(
-            target=lambda: [log(f"sweep: {line.rstrip()}") for line in sweep.stdout or ()]
-        )
+        reader = threading.Thread(target=follow, args=(sweep.stdout, log))
         reader.start()
         job, process = under_way(jobs, directory, evaluations)
         node = node_of(process, cluster)

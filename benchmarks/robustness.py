@@ -28,7 +28,6 @@ from rich.console import Console
 from rich.table import Table
 from yardstick import CONTROL_TIMESTEP, swimming_speed
 
-from swimmer_mj.environments import suite
 from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.networks.actors import BatchActor
 from swimmer_mj.learning.networks.policy import GreedyPolicy
@@ -79,6 +78,8 @@ def quick(policy: GreedyPolicy) -> Callable[[Array], Array]:
 
 def speed_with_finer_steps(act: Callable[[Array], Array]) -> float:
     """Mean over the evaluation's episodes, m/s, with :data:`FINER` steps of MuJoCo for each control."""
+    from swimmer_mj.environments import suite  # which needs dm_control; what else is here does not
+
     starts = evaluation_states(PAPER.n_links)
     remaining = iter(starts)
     environments = [

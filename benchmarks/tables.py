@@ -24,6 +24,7 @@ from swimmer_mj.learning.experiments.tables import read_table
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
 SPEED = RESULTS / "learning-speed.json"
 PLATFORMS_LOG = RESULTS / "platforms.csv"
+KILLED_NODE = RESULTS / "killed-node.log"
 START_UP = RESULTS / "start-up.json"
 PLANNER_NAMES = {"ilqr": "iLQR", "ddp": "DDP", "mppi": "MPPI"}
 PAPER_RATE = 2.5e6 * 500 / (7 * 86400)  # steps/s: 2.5 million trials in a week
@@ -365,6 +366,11 @@ def start_up() -> Summary:
         ("the package on disk, without its dependencies, MB", f"{found['installed_bytes'] / 1e6:.1f}")
     )
     return Summary("", ("what", "value"), rows)
+
+
+def killed_node() -> str:
+    """The log of a sweep that lost a node, as it was printed."""
+    return f"```\n{KILLED_NODE.read_text(encoding='utf-8')}```\n"
 
 
 def planners() -> Summary:

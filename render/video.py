@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -198,7 +200,11 @@ def _draw(shown: Sequence[Trajectory], times: Sequence[float], look: _Look) -> I
     model.vis.global_.offwidth = look.width
     model.vis.global_.offheight = water
     model.vis.quality.offsamples = look.samples
-    with mujoco.Renderer(model, water, look.width) as renderer:
+    with mujoco.Renderer(model, water, look.width) as renderer, contextlib.ExitStack() as stack:
+        atexit.register(
+            renderer.close
+        )  # of a generator that is still there when Python ends: later, OpenGL is not
+        stack.callback(atexit.unregister, renderer.close)
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = False  # the ground hides it
         for time in times:
             poses = [actor.pose(time) for actor in actors]

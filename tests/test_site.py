@@ -96,13 +96,13 @@ def test_names_that_the_reference_lacks_are_found():
     assert not {"swimmer_mj.integrators.rk4_step", "swimmer_mj.passive.law"} & {*missing}
 
 
-def test_a_name_may_be_documented_where_it_is_listed_first_or_again():
+def test_a_name_may_be_documented_where_it_is_listed_first_or_again(suite):
     modules = ["swimmer_mj.parameters", "swimmer_mj"]
     for name in ("swimmer_mj.PAPER", "swimmer_mj.parameters.PAPER"):
         assert not [one for one in check_site.missing_names(modules, {name}) if "PAPER" in one]
 
 
-def test_the_contract_is_public():
+def test_the_contract_is_public(suite):
     """What others rely on is not taken for internal."""
     modules = {*check_site.public_modules()}
     assert modules >= {
@@ -127,7 +127,7 @@ def test_what_is_loaded_from_the_network_is_found(html, count):
 
 
 # Licences
-def test_licences_are_those_of_the_installed_packages():
+def test_licences_are_those_of_the_installed_packages(suite):
     """If not: python tools/licences.py. Other machines may have packages that this one lacks."""
     pins = [one for one in map(Requirement, matrix.lowest()) if one.marker is None]
     if all(one.specifier.contains(distribution(one.name).version) for one in pins):
@@ -137,7 +137,7 @@ def test_licences_are_those_of_the_installed_packages():
     assert len(licences.rows()) > 40
 
 
-def test_all_that_is_imported_is_among_them():
+def test_all_that_is_imported_is_among_them(suite):
     needed = licences.needed()
     assert needed >= {"mujoco", "dm-control", "torch", "numba", "llvmlite", "sympy", "imageio-ffmpeg"}
     assert not needed & {"pytest", "gymnasium", "sphinx", "stable-baselines3"}

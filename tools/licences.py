@@ -77,13 +77,13 @@ def _installed(name: str) -> bool:
 def licence(package: Distribution) -> str:
     """What the metadata say, from the most exact to the least."""
     metadata = package.metadata
-    if expression := metadata["License-Expression"]:
+    if expression := metadata.get("License-Expression"):
         return NAMES.get(expression, expression)
     if named := [
         line[len(CLASSIFIER) :] for line in metadata.get_all("Classifier", []) if line.startswith(CLASSIFIER)
     ]:
         return ", ".join(NAMES.get(one, one) for one in named)
-    text = (metadata["License"] or "").strip().splitlines()
+    text = (metadata.get("License") or "").strip().splitlines()
     if text and len(text[0]) < 60:
         return NAMES.get(text[0], text[0])
     raise ValueError(f"the metadata of {package.name} {package.version} name no licence")

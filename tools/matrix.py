@@ -5,7 +5,7 @@
 makes a virtual environment, installs this checkout into it with the newest versions of its dependencies but for those
 that are pinned, or with the lowest that pyproject.toml allows, runs pytest with the arguments behind ``--``, and
 appends what came of it to ``benchmarks/results/platforms.csv``, from which the table of docs/platforms.md is.
-``--environment DIR`` keeps the environment in DIR; one that is there already is taken as it is. The exit status is
+``--environment DIR`` keeps the environment in DIR; one that is there already keeps its dependencies. The exit status is
 pytest's. tools/debian.sh runs this in another Debian, or on another processor.
 """
 
@@ -29,6 +29,7 @@ TABLE = ROOT / "benchmarks" / "results" / "platforms.csv"
 PACKAGES = ("swimmer-mj", "mujoco", "dm-control", "numpy", "torch", "numba")
 EXTRAS = ("gymnasium", "peers", "cluster", "tensorboard", "gaits")
 """Those that a user may want; what develops and documents the package is always the newest."""
+UV = ("-m", "uv", "pip", "install")
 COLUMNS = (
     "date", "system", "processor", "python", *PACKAGES, "dependencies", "tests", "passed", "failed", "skipped",
     "seconds",
@@ -72,8 +73,12 @@ def make(environment: Path, python: str, pins: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         constraints = Path(folder) / "constraints.txt"
         constraints.write_text("\n".join(pins) + "\n", encoding="utf-8")
-        into = ["--quiet", "--python", own, "--constraint", str(constraints)]
-        subprocess.run([own, "-m", "uv", "pip", "install", *into, "-e", f"{ROOT}[dev]"], check=True)
+        install(own, "--constraint", str(constraints), "-e", f"{ROOT}[dev]")
+
+
+def install(python: str, *arguments: str) -> None:
+    """By the uv of an environment, into it."""
+    subprocess.run([python, *UV, "--quiet", "--python", python, *arguments], check=True)
 
 
 def program(environment: Path) -> Path:
@@ -135,6 +140,7 @@ def main() -> int:
         if not environment.exists():
             pins = lowest() if arguments.dependencies == "lowest" else []
             make(environment, arguments.python, [*arguments.pins, *pins])
+        install(str(program(environment)), "--no-deps", "-e", str(ROOT))  # of this checkout, as it is now
         return run(environment, arguments.pytest, arguments.dependencies)
 
 

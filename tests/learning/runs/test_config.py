@@ -52,7 +52,7 @@ def test_a_configuration_survives_json(config):
     assert json.loads(text)["schema"] == 2
 
 
-def test_every_name_leads_to_a_dataclass_that_keeps_its_name():
+def test_every_name_leads_to_a_dataclass_that_keeps_its_name(suite):
     for known, what in ((PROBLEMS, "problem"), (METHODS, "method")):
         for name in known:
             made = find(name, known, what)()

@@ -50,11 +50,12 @@ def random_tree(seed):
         f'<general joint="{moved[3]}" dyntype="filter" dynprm="0.1" gainprm="2" {limits}/>'
         f'<general joint="{moved[0]}" dyntype="integrator" gainprm="1.5" actlimited="false" {limits}/>'
     )
+    second = f'<joint joint="{moved[3]}" coef="-1.2"/>' if moved[3] != moved[0] else ""
     integrator = rng.choice(["Euler", "implicit", "implicitfast", "RK4"])
     return (
         f'<mujoco><option timestep="{DT}" density="{rng.uniform(0, 50):.2f}" viscosity="{rng.uniform(0, 1):.2f}" '
         f'integrator="{integrator}"/><worldbody>{world}</worldbody>'
-        f'<tendon><fixed name="t"><joint joint="{moved[0]}" coef="0.7"/><joint joint="{moved[3]}" coef="-1.2"/>'
+        f'<tendon><fixed name="t"><joint joint="{moved[0]}" coef="0.7"/>{second}'
         f"</fixed></tendon><actuator>{actuators}</actuator>"
         f'<sensor><framelinvel name="v" objtype="site" objname="s0"/></sensor></mujoco>'
     )
