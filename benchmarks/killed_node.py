@@ -90,11 +90,11 @@ def node_of(process: int, cluster: Any) -> Any:
     )
 
 
-def follow(printed: Iterable[str], log: Log) -> None:
-    """Put into the log what the sweep prints, but for what Ray says of the raylet that was killed."""
+def follow(printed: Iterable[str], host: str, log: Log) -> None:
+    """Put into the log what the sweep prints, but for this host's address and what Ray says of the killed raylet."""
     for line in printed:
-        if "(raylet)" not in line and line.strip() and not line.startswith("    ["):
-            log(f"sweep: {line.rstrip()}")
+        if "raylet" not in line and line.strip() and not line.startswith("    ["):
+            log(f"sweep: {line.rstrip().replace(host, 'HOST')}")
 
 
 def under_way(jobs: list[Job], directory: Path, evaluations: int) -> tuple[Job, int]:
@@ -134,7 +134,7 @@ def on_cluster(study: Path, jobs: list[Job], directory: Path, evaluations: int, 
             stderr=subprocess.STDOUT,
             text=True,
         )
-        reader = threading.Thread(target=follow, args=(sweep.stdout, log))
+        reader = threading.Thread(target=follow, args=(sweep.stdout, cluster.address.partition(":")[0], log))
         reader.start()
         job, process = under_way(jobs, directory, evaluations)
         node = node_of(process, cluster)
