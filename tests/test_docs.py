@@ -1,6 +1,6 @@
 """What the documentation says is run, followed or looked up."""
 
-import importlib
+import importlib.util
 import re
 import subprocess
 import sys
@@ -40,6 +40,8 @@ EXAMPLES = [
 def test_an_example_runs_alone_and_prints_what_it_says(code, tmp_path):
     (tmp_path / "models").symlink_to(ROOT / "models")  # as in a checkout; what it writes stays here
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    if importlib.util.find_spec("dm_control") is None and "MissingDmControlError" in done.stderr:
+        pytest.skip("it needs dm_control")
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)
 
@@ -111,6 +113,8 @@ TESTS = sorted({span for span in MAP if span.startswith("tests/")})
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_name_of_the_paper_map_exists(name):
+    if name.startswith("environments.suite"):
+        pytest.importorskip("dm_control")
     assert resolve(name) is not None
 
 
