@@ -40,7 +40,9 @@ EXAMPLES = [
 def test_an_example_runs_alone_and_prints_what_it_says(code, tmp_path):
     (tmp_path / "models").symlink_to(ROOT / "models")  # as in a checkout; what it writes stays here
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
-    if importlib.util.find_spec("dm_control") is None and "MissingDmControlError" in done.stderr:
+    if importlib.util.find_spec("dm_control") is None and re.search(
+        "MissingDmControl|'dm_control'", done.stderr
+    ):
         pytest.skip("it needs dm_control")
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)
