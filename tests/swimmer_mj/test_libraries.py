@@ -31,8 +31,11 @@ WAYS = {
 
 
 def run(code, **environment):
+    clean = {
+        name: value for name, value in os.environ.items() if name != "PYOPENGL_PLATFORM"
+    }  # MuJoCo sets it
     return subprocess.run(
-        [sys.executable, "-c", code], env={**os.environ, **environment}, capture_output=True, text=True
+        [sys.executable, "-c", code], env=clean | environment, capture_output=True, text=True
     )
 
 
