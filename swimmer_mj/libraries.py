@@ -1,4 +1,4 @@
-"""Shared libraries that do not bear each other in one process."""
+"""What shared libraries do to a process, and to each other in it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-__all__ = ["load_triton_apart"]
+__all__ = ["load_triton_apart", "report_mujoco_warnings"]
 
 
 def load_triton_apart() -> None:
@@ -26,3 +26,22 @@ def load_triton_apart() -> None:
         library = Path(folder) / "_C" / "libtriton.so"
         if library.is_file():
             ctypes.CDLL(str(library), mode=os.RTLD_NOW | os.RTLD_LOCAL | os.RTLD_DEEPBIND)
+
+
+def report_mujoco_warnings() -> None:
+    """Have MuJoCo's warnings, as of an unstable simulation, a line each on standard error; each kind once.
+
+    By itself MuJoCo prints them on standard output and appends them to MUJOCO_LOG.TXT where the process is. dm_control,
+    when it is imported, has a way of its own.
+    """
+    import mujoco
+
+    said: set[str] = set()
+
+    def report(message: str) -> None:
+        kind = message.partition(" Time = ")[0]  # without the moment
+        if kind not in said:
+            said.add(kind)
+            print("MuJoCo:", *message.split(), file=sys.stderr)
+
+    mujoco.set_mju_user_warning(report)

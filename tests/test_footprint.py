@@ -93,6 +93,26 @@ def test_a_page_is_one_file(tmp_path, touched, capsys):
     assert touched() == []
 
 
+STIFF = """<mujoco><option timestep="0.05"/>
+<worldbody><body><joint name="hinge" axis="0 1 0" stiffness="1e5"/><geom size="0.1"/></body></worldbody>
+<actuator><motor joint="hinge" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+def test_mujoco_writes_no_log_of_its_own(tmp_path, touched, monkeypatch, capsys):
+    """It would without passing by Python: MUJOCO_LOG.TXT where the process is, and lines on standard output."""
+    (tmp_path / "run").mkdir()
+    (tmp_path / "stiff.xml").write_text(STIFF)
+    (tmp_path / "my_reward.py").write_text("def reward(at):\n    return -(at.qpos[..., 0] ** 2)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    model = ["--problem", str(tmp_path / "stiff.xml"), "--reward", "my_reward:reward", "--method", "td"]
+    run = ["--out", str(tmp_path / "run"), "--neurons", "4", "--trials", "2"]
+    assert main(["train", *model, *run]) == 1
+    said = capsys.readouterr()
+    assert "unstable" not in said.out
+    assert said.err.count("MuJoCo: ") == 1  # of several alike
+    assert "no longer finite" in said.err
+
+
 def test_what_is_touched_elsewhere_would_be_noticed(tmp_path, touched):
     (tmp_path / "file").write_text("")
     (tmp_path / "file").rename(tmp_path / "other")

@@ -118,6 +118,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             command = _parse(arguments)
     except SystemExit as stop:
         return _complain(_unboxed(complaint.getvalue())) if stop.code else 0
+    from swimmer_mj.libraries import report_mujoco_warnings
     from swimmer_mj.needs import MissingDmControlError
     from swimmer_mj.render.backend import BackendError, use_backend
 
@@ -125,6 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.path.append(os.getcwd())  # as python -m does: there is module:Problem of one's own
     with contextlib.suppress(BackendError):
         use_backend()  # else dm_control looks for a screen when it is imported, also where nothing is drawn
+    report_mujoco_warnings()
     try:
         command()
     except CheckFailedError:
