@@ -440,15 +440,17 @@ def any_model() -> Summary:
         values = np.array(returns)
         rivals = others.get(task, [])
         best = rivals[0][1] if rivals else np.nan
-        reached = f"{(values >= 0.95 * best).sum()} of {len(values)}" if rivals else "—"
+        bar = best - 0.05 * abs(best)
+        reached = f"{(values >= bar).sum()} of {len(values)}" if rivals else "—"
+        digits = ".0f" if abs(values).max() > 20 else ".1f"
         rows.append(
             (
                 f"`{task}`",
                 str(len(values)),
                 f"{seconds[task]:.0f}",
-                mean_and_interval_text(values, ".0f"),
-                f"{values.min():.0f}",
-                ", ".join(f"{name} {value:.0f}" for name, value in rivals) or "—",
+                mean_and_interval_text(values, digits),
+                f"{values.min():{digits}}",
+                ", ".join(f"{name} {value:{digits}}" for name, value in rivals) or "—",
                 reached,
             )
         )

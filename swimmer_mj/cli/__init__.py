@@ -78,7 +78,7 @@ def _deferred(command: Callable[..., None]) -> Callable[..., Any]:
     return parsed
 
 
-def _parse(arguments: Sequence[str]) -> Callable[[], None]:
+def _parse(arguments: Sequence[str]) -> functools.partial[None]:
     """The call that ``arguments`` ask for."""
     app = tyro.extras.SubcommandApp()
     for command in COMMANDS:
@@ -126,7 +126,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.path.append(os.getcwd())  # as python -m does: there is module:Problem of one's own
     with contextlib.suppress(BackendError):
         use_backend()  # else dm_control looks for a screen when it is imported, also where nothing is drawn
-    report_mujoco_warnings()
+    if command.func is not view:  # which may refuse before it imports anything, and has dm_control's way
+        report_mujoco_warnings()
     try:
         command()
     except CheckFailedError:

@@ -110,12 +110,21 @@ TASKS: dict[str, Task] = {
     "InvertedPendulum-v5": Task(
         _inverted_pendulum,
         learned=_inverted_pendulum_learned,
-        learned_cost=(0.05,),
+        learned_cost=(10.0,),
         draw=_near_upright,
         advice={"dt": 0.02, "trial_duration": 1.0, "s_lambda": 10.0},
     ),
-    "InvertedDoublePendulum-v5": Task(_double_pendulum, learned=_double_pendulum_learned, draw=_near_upright),
-    "Reacher-v5": Task(_reacher, (1.0, 1.0), draw=_reach_anywhere),
+    "InvertedDoublePendulum-v5": Task(
+        _double_pendulum,
+        learned=_double_pendulum_learned,
+        learned_cost=(30.0,),
+        draw=_near_upright,
+        s_gamma=2.0,
+        advice={"dt": 0.02, "trial_duration": 1.0, "s_lambda": 20.0, "half_life": 20.0},
+    ),
+    "Reacher-v5": Task(
+        _reacher, (1.0, 1.0), draw=_reach_anywhere, s_gamma=2.0, advice={"trial_duration": 1.0}
+    ),
     "Swimmer-v5": Task(
         _swimmer,
         (1e-4, 1e-4),
