@@ -32,6 +32,7 @@ done
 trap 'umount -l "$root/dev/shm" "$root/dev" "$root/sys" "$root/proc"' EXIT
 cp /etc/resolv.conf "$root/etc/resolv.conf"
 
+export QEMU_CPU=neoverse-n1 # one that exists; that with everything, qemu's own choice, has SME and multiplies wrongly by it
 inside() { chroot "$root" /usr/bin/env HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C.UTF-8 "$@"; }
 
 for package in $packages; do # one by one: what this Debian does not have must not keep the others out
