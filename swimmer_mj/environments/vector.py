@@ -225,7 +225,8 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         """Free the simulations and their threads, and release the viscous friction."""
         for batch_or_view in ("_batch", "_qpos", "_qvel", "_time"):  # the last reference frees it
             vars(self).pop(batch_or_view, None)
-        self._single.close()
+        if (single := vars(self).get("_single")) is not None:  # not if an argument was refused
+            single.close()
 
     def _check_open(self) -> None:
         if self.closed:
