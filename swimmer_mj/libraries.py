@@ -44,4 +44,4 @@ def report_mujoco_warnings() -> None:
             said.add(kind)
             print("MuJoCo:", *message.split(), file=sys.stderr)
 
-    mujoco.set_mju_user_warning(report)
+    mujoco.set_mju_user_warning(report)  # pyright: ignore[reportAttributeAccessIssue]
