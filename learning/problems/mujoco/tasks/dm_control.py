@@ -194,19 +194,13 @@ _SWIMMER = Task(
 )
 
 TASKS: dict[str, Task] = {
-    "pendulum/swingup": Task(_pendulum, learned=_upright, learned_cost=(0.05,), s_gamma=0.2),
+    "pendulum/swingup": Task(_pendulum, learned=_upright, s_gamma=0.2),
     "cartpole/balance": Task(_cartpole, _cartpole_cost, draw=_cart_upright),
     "cartpole/swingup": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere, s_gamma=0.3),
     "cartpole/two_poles": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere, s_gamma=0.3),
     "cartpole/three_poles": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere, s_gamma=0.3),
     "point_mass/easy": Task(_point_mass, _point_mass_cost, _point_mass_learned),
-    "reacher/easy": Task(
-        _reacher(0.05),
-        learned=_reacher_learned(0.05),
-        learned_cost=(0.15, 0.15),
-        draw=_reach_anywhere,
-        goal=_target,
-    ),
+    "reacher/easy": Task(_reacher(0.05), learned=_reacher_learned(0.05), draw=_reach_anywhere, goal=_target),
     "reacher/hard": Task(
         _reacher(0.015),
         learned=_reacher_learned(0.015),
