@@ -31,7 +31,7 @@ def load_triton_apart() -> None:
 def report_mujoco_warnings() -> None:
     """Have MuJoCo's warnings, as of an unstable simulation, a line each on standard error; each kind once.
 
-    By itself MuJoCo prints them on standard output and appends them to MUJOCO_LOG.TXT where the process is. dm_control,
+    By itself MuJoCo prints each of them there and appends it to MUJOCO_LOG.TXT where the process is. dm_control,
     when it is imported, has a way of its own.
     """
     import mujoco

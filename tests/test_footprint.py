@@ -99,7 +99,7 @@ STIFF = """<mujoco><option timestep="0.05"/>
 
 
 def test_mujoco_writes_no_log_of_its_own(tmp_path, touched, monkeypatch, capsys):
-    """It would without passing by Python: MUJOCO_LOG.TXT where the process is, and lines on standard output."""
+    """It would without passing by Python: MUJOCO_LOG.TXT where the process is."""
     (tmp_path / "run").mkdir()
     (tmp_path / "stiff.xml").write_text(STIFF)
     (tmp_path / "my_reward.py").write_text("def reward(at):\n    return -(at.qpos[..., 0] ** 2)\n")
