@@ -21,6 +21,7 @@ from swimmer_mj.learning.networks.batched import BLOCK, BatchedNetwork
 from swimmer_mj.learning.networks.networks import ValueNetwork
 from swimmer_mj.learning.problems.differentiable import require_torch
 from swimmer_mj.learning.problems.forms import BatchForm, TorchForm
+from swimmer_mj.learning.problems.held import Slope
 from swimmer_mj.learning.problems.problem import ControlProblem
 
 __all__ = ["Actor", "BatchActor", "TorchActor", "actor_for", "batch_obstacle"]
@@ -114,20 +115,31 @@ class BatchActor:
         z, V, dVdx = np.empty((self.m, N), self.real), np.empty(N), np.empty((self.p, N))
         return np.ascontiguousarray(rows.T), z, V, dVdx, np.empty((self.q, N)), np.ones((self.q, N))
 
+    def slope_at(self, weights: Tensor) -> Slope:
+        """dV/dx (p, N) of x (p, N)."""
+
+        def slope(x: Array) -> Array:
+            dVdx, N = np.empty_like(x), x.shape[1]
+            self.network.judge(weights, x, np.empty((self.m, N), self.real), np.empty(N), dVdx)
+            return dVdx
+
+        return slope
+
     def control(self, weights: Tensor, x: Array) -> Array:
         """As in :class:`Actor`."""
         state, z, V, dVdx, u, flips = self._padded(x)
         self.network.judge(weights, state, z, V, dVdx)
-        self.form.greedy_step(state, dVdx, flips, 0.0, u, state)
+        self.form.greedy_step(self.slope_at(weights), state, dVdx, flips, 0.0, u, state)
         return u[:, : len(x)].T.copy()
 
     def episodes(self, weights: Tensor, x: Array, shares: Array, dt: float) -> Array:
         """As in :class:`Actor`."""
         state, z, V, dVdx, u, flips = self._padded(x)
         total, later = np.zeros(state.shape[1]), np.empty_like(state)
+        slope_at = self.slope_at(weights)
         for share in shares:
             self.network.judge(weights, state, z, V, dVdx)
-            self.form.greedy_rk4(state, dVdx, flips, dt, u, later)
+            self.form.greedy_rk4(slope_at, state, dVdx, flips, dt, u, later)
             total += share * self.form.reward(state, u)
             state, later = later, state
         return total[: len(x)]

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from swimmer_mj.learning.networks.actors import actor_for
 from swimmer_mj.learning.networks.networks import ValueNetwork
-from swimmer_mj.learning.problems.forms import CostForm, Judgement
+from swimmer_mj.learning.problems.forms import CostForm, HoldForm, Judgement
 from swimmer_mj.learning.problems.problem import ControlProblem, as_states, episode_sums
 
 __all__ = ["GreedyPolicy", "greedy_control", "hamiltonian"]
@@ -59,11 +59,20 @@ class GreedyPolicy(Generic[Network]):
         a, B = problem.drift_and_control_matrix(x)
         form = problem.form(CostForm)
         cost = None if form is None else form.coefficients(x)
-        u = greedy_control(B, dVdx, problem.control_limits, cost)
+        hold = problem.form(HoldForm)
+        limits = problem.control_limits
+        u = greedy_control(B, dVdx, limits, cost) if hold is None else hold.choose(self._slope_at, x)
         f = a + np.einsum("...pq,...q->...p", B, u)
         r = problem.reward(x) if cost is None else problem.reward(x) - (cost * u**2).sum(axis=-1)
         value = V.detach().double().numpy()
         return Judgement(u, value, hamiltonian(r, value, dVdx, f, problem.s_gamma))
+
+    def _slope_at(self, x: Array) -> Array:
+        """dV/dx (p, N) at x (p, N)."""
+        dtype = next(self.network.parameters()).dtype
+        state = torch.tensor(x.T, dtype=dtype, requires_grad=True)
+        (slope,) = torch.autograd.grad(self.network(self.problem.inputs(state)).sum(), state)
+        return slope.double().numpy().T
 
     def __call__(self, x: Array) -> Array:
         """u, shape (..., q), at ``x``, shape (..., p)."""

@@ -8,6 +8,7 @@ form                      of what it is made                          who asks f
 :class:`CompiledForm`     compiled, one state                         TD(lambda): the fused kernel
 :class:`LanesForm`        compiled, a state in each SIMD lane         TD(lambda): a pack of learners
 :class:`CostForm`         what controls cost                          greedy control, H
+:class:`HoldForm`         what a held control leads to                greedy control
 :class:`EnvironmentForm`  an environment in which it is judged        evaluation
 :class:`EpisodeForm`      how long an episode is                      evaluation
 :class:`FilmForm`         a MuJoCo model in motion                    pictures
@@ -27,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
+from swimmer_mj.learning.problems.held import Slope
 from swimmer_mj.learning.problems.problem import DT, EPISODE_DURATION, SETTLING_TIME, ControlProblem
 from swimmer_mj.parameters import SwimmerParameters
 from swimmer_mj.trajectory import Trajectory
@@ -41,6 +43,7 @@ __all__ = [
     "EnvironmentForm",
     "EpisodeForm",
     "FilmForm",
+    "HoldForm",
     "Judgement",
     "LanesForm",
     "Learner",
@@ -125,8 +128,9 @@ class BatchForm(NamedTuple):
 
     encoding: Encoding
     greedy_step: Callable[..., None]
-    """(x, dVdx, flips, dt, u, y): greedy controls u (q, N) times ``flips``, and the states y (p, N) after an Euler step
-    from x; y may be x."""
+    """(slope_at, x, dVdx, flips, dt, u, y): greedy controls u (q, N) times ``flips``, and the states y (p, N) after an
+    Euler step from x; y may be x. ``slope_at`` gives dV/dx elsewhere, for controls that are chosen for where they
+    lead. With dt = 0 only the controls are wanted, those of a policy."""
     greedy_rk4: Callable[..., None]
     """As ``greedy_step``, as exactly as episodes are stepped, with u held: by the classical Runge-Kutta method, or by
     the model's own steps of its own integrator. ``y`` may be x."""
@@ -141,6 +145,13 @@ class CostForm(NamedTuple):
 
     coefficients: Callable[[Array], Array]
     """c >= 0 at x: (..., p) -> (..., q)."""
+
+
+class HoldForm(NamedTuple):
+    """Controls that are chosen for the time for which they are held, not for the instant."""
+
+    choose: Callable[[Slope, Array], Array]
+    """(dV/dx (p, N) of x (p, N), states (..., p)) -> u (..., q): see :mod:`swimmer_mj.learning.problems.held`."""
 
 
 class Moment(NamedTuple):

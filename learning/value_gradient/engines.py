@@ -26,6 +26,24 @@ __all__ = ["Batch", "Engine", "engine_for"]
 Array = NDArray[np.float64]
 
 
+WILD = 100.0
+"""Network inputs are of order one: a trajectory on which one is larger than this has left what can be learned."""
+
+
+def stand_ins(z: Array) -> NDArray[np.int64]:
+    """Of N trajectories, which one is learned from in each one's place: itself, but where it has become wild.
+
+    ``z`` (T + 1, m, N) are the network's inputs on them. Where more than half are wild nothing helps, and they stay.
+    """
+    own = np.arange(z.shape[-1])
+    tame = own[np.abs(z).max(axis=(0, 1), initial=0.0) < WILD]  # which NaN is not
+    if tame.size == own.size or 2 * tame.size < own.size:
+        return own
+    instead = tame[own % tame.size]
+    instead[tame] = tame
+    return instead
+
+
 class Batch(NamedTuple):
     """A round's states and targets, in an engine's own layout."""
 
@@ -41,7 +59,10 @@ class Engine(Actor, Protocol):
     """"torch" or "compiled"."""
 
     def collect(self, weights: Tensor, x: Array, flips: Array) -> tuple[Batch, Array]:
-        """Trajectories from ``x`` under greedy control times ``flips`` (T, N, q): targets, and their last states."""
+        """Trajectories from ``x`` under greedy control times ``flips`` (T, N, q): targets, and their last states.
+
+        A trajectory that becomes wild (:func:`stand_ins`) is learned from no more, and its last state is NaN.
+        """
         ...
 
     def shuffle(self, batch: Batch, order: Tensor) -> Batch:
@@ -91,6 +112,14 @@ class _TorchEngine(TorchActor):
             if t < len(flip):
                 controls.append(self.greedy(state, slopes[-1]) * flip[t])
                 state = transition(form, state, controls[-1], dt)
+        z = torch.stack([self.problem.inputs(x) for x in states]).transpose(1, 2).cpu().numpy()
+        instead = stand_ins(z)
+        wild = torch.from_numpy(instead != np.arange(len(instead))).to(self.device)
+        if bool(wild.any()):
+            order = torch.from_numpy(instead).to(self.device)
+            states, controls, values, slopes = (
+                [y[order] for y in several] for several in (states, controls, values, slopes)
+            )
         X = torch.stack(states[:-1])
         drdx, r = torch.func.vmap(torch.func.grad_and_value(lambda y: form.reward_rate(y[None])[0]))(
             X.flatten(0, 1)
@@ -106,7 +135,8 @@ class _TorchEngine(TorchActor):
             dt,
         )
         data = tuple(y.flatten(0, 1).to(self.dtype) for y in (X, G, g))
-        return Batch(data, float(r.mean()), float(torch.stack(values).mean())), state.cpu().numpy()
+        last = torch.where(wild[:, None], torch.nan, states[-1])
+        return Batch(data, float(r.mean()), float(torch.stack(values).mean())), last.cpu().numpy()
 
     def shuffle(self, batch: Batch, order: Tensor) -> Batch:
         order = order.to(self.device)
@@ -146,18 +176,23 @@ class _CompiledEngine(BatchActor):
         flip = np.ascontiguousarray(flips.transpose(0, 2, 1))
         X, U = np.empty((T + 1, p, N)), np.empty((T, q, N))
         z, V, dVdx = np.empty((T + 1, m, N), self.real), np.empty((T + 1, N)), np.empty((T + 1, p, N))
-        X[0] = x.T
+        X[0], slope_at = x.T, self.slope_at(weights)
         for t in range(T + 1):
             self.network.judge(weights, X[t], z[t], V[t], dVdx[t])
             if t < T:
-                self.form.greedy_step(X[t], dVdx[t], flip[t], settings.dt, U[t], X[t + 1])
+                self.form.greedy_step(slope_at, X[t], dVdx[t], flip[t], settings.dt, U[t], X[t + 1])
+        instead = stand_ins(z)
+        wild = instead != np.arange(N)
+        if wild.any():
+            X, U, z, V, dVdx = (np.ascontiguousarray(y[..., instead]) for y in (X, U, z, V, dVdx))
         data = np.empty((T, m + p + 1, N), self.real)
         data[:, :m] = z[:T]
         s_gamma, s_lambda = self.s_gamma, settings.s_lambda
         self.form.targets(X, U, V, dVdx, settings.dt, s_gamma, s_lambda, data[:, m:])
         r = self.form.reward(X[:T], U)
         rows = torch.from_numpy(data).transpose(0, 1).reshape(m + p + 1, T * N)
-        return Batch(rows, float(r.mean()), float(V.mean())), X[T].T.copy()
+        last = np.where(wild, np.nan, X[T])
+        return Batch(rows, float(r.mean()), float(V.mean())), np.ascontiguousarray(last.T)
 
     def shuffle(self, batch: Batch, order: Tensor) -> Batch:
         return batch._replace(data=batch.data[:, order])

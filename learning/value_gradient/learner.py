@@ -109,7 +109,7 @@ class ValueGradientLearner(Generic[Network]):
     def step(self) -> RoundStatistics:
         """One round: trajectories, targets, a fit."""
         settings = self.settings
-        old = self._age >= self._rounds_per_trial
+        old = (self._age >= self._rounds_per_trial) | np.isnan(self._states).any(axis=1)
         if old.any():
             self._states[old] = self.problem.initial_states(self._rng, int(old.sum()))
             self._age[old] = 0

@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from swimmer_mj.learning.problems.held import Slope, held_control
 from swimmer_mj.learning.problems.mujoco import kernel
 from swimmer_mj.learning.problems.mujoco.coordinates import Coordinates
 from swimmer_mj.learning.problems.mujoco.kernel import Actuation, Readings, Simulation
@@ -48,6 +49,11 @@ class MujocoBatch:
         c, if it does not depend on the state.
     centred : bool
         Central differences in place of forward ones, at twice the cost.
+    held : bool
+        Choose controls for the time for which they are held (:func:`held_control`), in place of for the instant.
+    s_gamma, control_timestep : float
+        The problem's shortness factor, 1/s, and for how long a policy's control is held, s; the model's own time step
+        by default.
     """
 
     def __init__(
@@ -59,12 +65,18 @@ class MujocoBatch:
         rate: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]],
         constant_cost: Array | None = None,
         centred: bool = False,
+        *,
+        held: bool = True,
+        s_gamma: float = 1.0,
+        control_timestep: float | None = None,
     ) -> None:
         self._learner, self._actor = learner, actor
         self._co, self._ac = coordinates, actuation
         self._rate, self._constant_cost = rate, constant_cost
         self._centred = centred
         self._timestep = float(actor.model.opt.timestep)
+        self.held, self._s_gamma = held, s_gamma
+        self._control_timestep = self._timestep if control_timestep is None else control_timestep
 
     # States and rewards --------------------------------------------------------------------------------------------
 
@@ -114,32 +126,73 @@ class MujocoBatch:
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """The states (p, N) after a learner's step from x (p, N) under u (q, N)."""
-        fn, co, ac, y = self._learner.functions, self._co, self._ac, x.copy()
-
-        def work(sim: Simulation, readings: Readings, first: int, last: int) -> None:
-            kernel.step(fn, sim, co, ac, x, u, first, last, y)
-
-        self._learner.run(work, x.shape[1], dt)
+        y = np.empty_like(x)
+        self._move(self._learner, x, u, dt, 0, y)
         return y
 
-    def greedy_step(self, x: Array, dVdx: Array, flips: Array, dt: float, u: Array, y: Array) -> None:
-        """Greedy u (q, N) times ``flips``, and y (p, N) after a learner's step; y may be x."""
-        fn, co, ac, cost = self._learner.functions, self._co, self._ac, self._costs(x)
+    def _move(self, sims: Simulations, x: Array, u: Array, dt: float, steps: int, y: Array) -> None:
+        fn, co, ac = sims.functions, self._co, self._ac
 
         def work(sim: Simulation, readings: Readings, first: int, last: int) -> None:
-            kernel.greedy_step(fn, sim, co, ac, x, dVdx, cost, flips, dt > 0, first, last, u, y)
+            kernel.step(fn, sim, co, ac, x, u, steps, first, last, y)
 
-        self._learner.run(work, x.shape[1], dt)
+        sims.run(work, x.shape[1], dt)
 
-    def greedy_act(self, x: Array, dVdx: Array, flips: Array, dt: float, u: Array, y: Array) -> None:
+    def _own_steps(self, duration: float) -> int:
+        """How many of the model's own steps fit into ``duration``, at least 1."""
+        return max(1, round(duration / self._timestep))
+
+    def responses(self, x: Array, duration: float, own: bool) -> tuple[Array, Array]:
+        """Where x (p, N) comes to without control, (p, N), and what a held unit of each adds, (q, p, N).
+
+        By one learner's step, or by the model's ``own``.
+        """
+        sims, steps = (self._actor, self._own_steps(duration)) if own else (self._learner, 0)
+        fn, co, ac = sims.functions, self._co, self._ac
+        coast, gain = np.empty_like(x), np.empty((ac.limits.size, *x.shape))
+
+        def work(sim: Simulation, readings: Readings, first: int, last: int) -> None:
+            kernel.respond(fn, sim, co, ac, x, steps, first, last, coast, gain)
+
+        sims.run(work, x.shape[1], duration / max(1, steps))
+        return coast, gain
+
+    def control(self, slope_at: Slope, x: Array) -> Array:
+        """Greedy u (q, N) of a policy at x (p, N), held for a control timestep."""
+        return self._chosen(slope_at, x, slope_at(x), self._control_timestep, own=True)
+
+    def _chosen(self, slope_at: Slope, x: Array, dVdx: Array, hold: float, own: bool) -> Array:
+        """Greedy u (q, N)."""
+        cost = self._costs(x)
+        if self.held:
+            coast, gain = self.responses(x, hold, own)
+            price = hold * math.exp(self._s_gamma * hold) * cost
+            return held_control(slope_at, coast, gain, self._ac.limits, price)
+        fn, co, ac, u = self._learner.functions, self._co, self._ac, np.empty((len(cost), x.shape[1]))
+
+        def work(sim: Simulation, readings: Readings, first: int, last: int) -> None:
+            kernel.choose(fn, sim, co, ac, x, dVdx, cost, first, last, u)
+
+        self._learner.run(work, x.shape[1])
+        return u
+
+    def greedy_step(
+        self, slope_at: Slope, x: Array, dVdx: Array, flips: Array, dt: float, u: Array, y: Array
+    ) -> None:
+        """Greedy u (q, N) times ``flips``, and y (p, N) after a learner's step if dt > 0; y may be x."""
+        if dt == 0:
+            u[:] = flips * self._chosen(slope_at, x, dVdx, self._control_timestep, own=True)
+            return
+        u[:] = flips * self._chosen(slope_at, x, dVdx, dt, own=False)
+        self._move(self._learner, x, u, dt, 0, y)
+
+    def greedy_act(
+        self, slope_at: Slope, x: Array, dVdx: Array, flips: Array, dt: float, u: Array, y: Array
+    ) -> None:
         """As :meth:`greedy_step`, by the model's own integrator, in steps of its own as far as they fit into dt."""
-        fn, co, ac, cost = self._actor.functions, self._co, self._ac, self._costs(x)
-        steps = max(1, round(dt / self._timestep))
-
-        def work(sim: Simulation, readings: Readings, first: int, last: int) -> None:
-            kernel.greedy_act(fn, sim, co, ac, x, dVdx, cost, flips, steps, first, last, u, y)
-
-        self._actor.run(work, x.shape[1], dt / steps)
+        u[:] = flips * self._chosen(slope_at, x, dVdx, dt, own=True)
+        steps = self._own_steps(dt)
+        self._move(self._actor, x, u, dt / steps, steps, y)
 
     # Targets -------------------------------------------------------------------------------------------------------
 

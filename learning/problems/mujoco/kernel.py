@@ -29,11 +29,11 @@ __all__ = [
     "Actuation",
     "Readings",
     "Simulation",
+    "choose",
     "drift_and_control_matrix",
-    "greedy_act",
-    "greedy_step",
     "pull_back",
     "read",
+    "respond",
     "step",
 ]
 
@@ -42,6 +42,8 @@ Indices = NDArray[np.int64]
 
 NONE, POSITION, VELOCITY = 0, 1, 2
 """What forward_skip leaves out: nothing, what depends on positions, what depends on velocities too."""
+PUSH = 1e-3
+"""Of a control's limit, how much its response is measured with."""
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
 
@@ -223,6 +225,16 @@ def _choose(
             u[k] = ac.limits[k] * np.sign(advantage)
 
 
+@njit(**OPTIONS)
+def _move(fn: Functions, sim: Simulation, steps: int, skip: int) -> None:
+    """Move on by a learner's step if ``steps`` is 0, else by so many of the model's own; sim.ctrl is held."""
+    if steps == 0:
+        _forward(fn, sim, skip, 1)
+        call(None, fn.integrate, (sim.model, sim.data))
+    for _ in range(steps):
+        call(None, fn.step, (sim.model, sim.data))
+
+
 @entry_point(**OPTIONS)
 def step(
     fn: Functions,
@@ -231,25 +243,25 @@ def step(
     ac: Actuation,
     x: Array,
     u: Array,
+    steps: int,
     first: int,
     last: int,
     y: Array,
 ) -> None:
-    """Columns first .. last of y (p, N): x (p, N) after a step with u (q, N) held."""
+    """Columns first .. last of y (p, N), which may be x: x (p, N) after ``steps`` (see _move) with u (q, N) held."""
     now = np.empty(x.shape[0])
     for n in range(first, last):
         now[:] = x[:, n]
         _set(sim, co, now)
         for k in range(u.shape[0]):
             _hold(sim, ac, k, u[k, n])
-        _forward(fn, sim, NONE, 1)
-        call(None, fn.integrate, (sim.model, sim.data))
+        _move(fn, sim, steps, NONE)
         _get(sim, co, now)
         y[:, n] = now
 
 
 @entry_point(**OPTIONS)
-def greedy_step(
+def choose(
     fn: Functions,
     sim: Simulation,
     co: Coordinates,
@@ -257,16 +269,13 @@ def greedy_step(
     x: Array,
     slope: Array,
     cost: Array,
-    flips: Array,
-    integrate: bool,
     first: int,
     last: int,
     u: Array,
-    y: Array,
 ) -> None:
-    """Columns first .. last: greedy u (q, N) times ``flips``, and y (p, N) after a step from x (p, N) if asked for.
+    """Columns first .. last of u (q, N): the greedy control of the instant, for dV/dx = ``slope`` (p, N) at x (p, N).
 
-    ``slope`` (p, N) is dV/dx, ``cost`` (q, N) the coefficients of u^2; y may be x.
+    ``cost`` (q, N) are the coefficients of u^2.
     """
     p, q = x.shape[0], u.shape[0]
     now, g, c, chosen = np.empty(p), np.empty(p), np.empty(q), np.empty(q)
@@ -277,49 +286,44 @@ def greedy_step(
         _rest(sim, ac)
         _forward(fn, sim, NONE, 1)
         _choose(fn, sim, co, ac, g, c, force, solved, chosen)
-        for k in range(q):
-            u[k, n] = chosen[k] * flips[k, n]
-            _hold(sim, ac, k, u[k, n])
-        if integrate:
-            _forward(fn, sim, VELOCITY, 1)
-            call(None, fn.integrate, (sim.model, sim.data))
-            _get(sim, co, now)
-            y[:, n] = now
+        u[:, n] = chosen
 
 
 @entry_point(**OPTIONS)
-def greedy_act(
+def respond(
     fn: Functions,
     sim: Simulation,
     co: Coordinates,
     ac: Actuation,
     x: Array,
-    slope: Array,
-    cost: Array,
-    flips: Array,
     steps: int,
     first: int,
     last: int,
-    u: Array,
-    y: Array,
+    coast: Array,
+    gain: Array,
 ) -> None:
-    """As :func:`greedy_step`, by so many of the model's own steps, by its own integrator, with u held."""
-    p, q = x.shape[0], u.shape[0]
-    now, g, c, chosen = np.empty(p), np.empty(p), np.empty(q), np.empty(q)
-    force, solved = np.zeros(sim.qvel.size), np.zeros(sim.qvel.size)
+    """Columns first .. last: where x (p, N) comes to after ``steps`` (see _move), by what is held meanwhile.
+
+    ``coast`` (p, N) is filled with the state after controls of 0, ``gain`` (q, p, N) with what a unit of each control
+    adds to it. One step is affine in the controls but for quaternions, so that a difference of any size would do.
+    """
+    now = np.empty(x.shape[0])
     for n in range(first, last):
-        now[:], g[:], c[:] = x[:, n], slope[:, n], cost[:, n]
+        now[:] = x[:, n]
         _set(sim, co, now)
         _rest(sim, ac)
-        _forward(fn, sim, NONE, 1)
-        _choose(fn, sim, co, ac, g, c, force, solved, chosen)
-        for k in range(q):
-            u[k, n] = chosen[k] * flips[k, n]
-            _hold(sim, ac, k, u[k, n])
-        for _ in range(steps):
-            call(None, fn.step, (sim.model, sim.data))
+        _move(fn, sim, steps, NONE)
         _get(sim, co, now)
-        y[:, n] = now
+        coast[:, n] = now
+        for k in range(gain.shape[0]):
+            now[:] = x[:, n]
+            _set(sim, co, now)
+            small = PUSH * ac.limits[k]
+            _hold(sim, ac, k, small)
+            _move(fn, sim, steps, VELOCITY)  # positions and velocities are as they were
+            _hold(sim, ac, k, 0.0)
+            _get(sim, co, now)
+            gain[k, :, n] = (now - coast[:, n]) / small
 
 
 @entry_point(**OPTIONS)

@@ -32,8 +32,10 @@ from swimmer_mj.learning.problems.forms import (
     Encoding,
     EpisodeForm,
     FilmForm,
+    HoldForm,
     Policy,
 )
+from swimmer_mj.learning.problems.held import Slope
 from swimmer_mj.learning.problems.mujoco.actuation import actuation
 from swimmer_mj.learning.problems.mujoco.batched import MujocoBatch, Rate
 from swimmer_mj.learning.problems.mujoco.coordinates import layout
@@ -97,7 +99,8 @@ class MujocoProblem:
         r of a :class:`~swimmer_mj.learning.problems.mujoco.readings.Scene`, shape (N,), in torch; per second.
     control_cost : callable or sequence of float, optional
         c >= 0, (N, q) or one for each control: the reward rate is r - sum_i c_i u_i^2, where u is how far ctrl is from
-        the middle of its range. The greedy control is then B^T dV/dx / 2c within its limits; without it, bang-bang.
+        the middle of its range. The greedy control of the instant is then B^T dV/dx / 2c within its limits; without it,
+        bang-bang.
     name : str
         What to call it.
     draw : callable, optional
@@ -111,6 +114,10 @@ class MujocoProblem:
         Joints whose positions nothing depends on; None finds them.
     control_limits : sequence of float, optional
         For actuators without a ctrlrange.
+    held : bool
+        Choose controls for the time for which they are held
+        (:func:`~swimmer_mj.learning.problems.held.held_control`), not for the instant: where a strong actuator would
+        overstep within that time, less of it is used.
     threads : int, optional
         All cores by default. Results do not depend on it.
     """
@@ -127,6 +134,7 @@ class MujocoProblem:
         control_timestep: float | None = None,
         without: Sequence[str] | None = None,
         control_limits: Sequence[float] | None = None,
+        held: bool = True,
         threads: int | None = None,
     ) -> None:
         if not 0 < s_gamma < math.inf:
@@ -142,7 +150,7 @@ class MujocoProblem:
         self._draw = partial(_anywhere, model) if draw is None else draw
         starts = self._draw(np.random.default_rng(0), 2)
         self.goal_size = 0 if starts.goal is None else starts.goal.shape[1]
-        self._threads = threads
+        self._threads, self.held = threads, held
         if _declares_friction(model):
             hold(self)
         constant = control_cost is None or not callable(control_cost)
@@ -208,7 +216,18 @@ class MujocoProblem:
         co, ac, readings, threads = self.layout.coordinates, self._actuation, self.readings, self._threads
         learner = Simulations(learners_model(self.model), self._home, readings, threads)
         actor = Simulations(own_model(self.model), self._home, readings, threads)
-        return MujocoBatch(learner, actor, co, ac, self.rate, self._constant_cost, centred)
+        return MujocoBatch(
+            learner,
+            actor,
+            co,
+            ac,
+            self.rate,
+            self._constant_cost,
+            centred,
+            held=self.held,
+            s_gamma=self.s_gamma,
+            control_timestep=self.control_timestep,
+        )
 
     def read(self, x: Array) -> Array:
         """The readings at x (N, p), shape (N, r)."""
@@ -260,6 +279,12 @@ class MujocoProblem:
         if starts.goal is not None:
             x[:, co.goal_row] = starts.goal
         return x
+
+    def _choose(self, slope_at: Slope, x: Array) -> Array:
+        """Greedy u (..., q) at x (..., p), held for a control timestep."""
+        x = np.asarray(x, dtype=np.float64)
+        flat = np.ascontiguousarray(x.reshape(-1, self.state_size).T)
+        return self._single.control(slope_at, flat).T.reshape(*x.shape[:-1], -1)
 
     def ctrl(self, u: Array) -> Array:
         """MuJoCo's ctrl (..., nu) of controls u (..., q)."""
@@ -313,6 +338,8 @@ class MujocoProblem:
             return FilmForm(self.play)  # pyright: ignore[reportReturnType]
         if kind is CostForm and self._cost is not None:
             return CostForm(self.control_cost)  # pyright: ignore[reportReturnType]
+        if kind is HoldForm and self.held:
+            return HoldForm(self._choose)  # pyright: ignore[reportReturnType]
         return None
 
     # What is found out about the model -----------------------------------------------------------------------------

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.learning.problems.forms import EnvironmentForm, EpisodeForm, FilmForm, Policy
+from swimmer_mj.learning.problems.forms import BatchPolicy, EnvironmentForm, EpisodeForm, FilmForm, Policy
 from swimmer_mj.learning.problems.mujoco.episodes import Episode, known_task, open_episode
 from swimmer_mj.learning.problems.mujoco.problem import MujocoProblem, Starts, load_model
 from swimmer_mj.learning.problems.mujoco.tasks.task import Task
@@ -72,6 +72,8 @@ class MujocoTask:
     """Shortness factor, 1/s; not given, what is known to learn the task, or 1."""
     limits: tuple[float, ...] | None = None
     """For actuators without a ctrlrange."""
+    held: bool = True
+    """Choose controls for the time for which they are held, not for the instant."""
     threads: int | None = None
     """All cores by default; what is learned does not depend on it."""
 
@@ -131,12 +133,13 @@ class MujocoTask:
         return MujocoProblem(
             model,
             task.learned or task.reward,
-            control_cost=self.control_cost or task.learned_cost or task.cost,
+            control_cost=task.cost if self.control_cost is None else self.control_cost,
             name=self.environment,
             draw=None if draw is None else lambda rng, count: draw(model, rng, count),
             s_gamma=self.s_gamma,
             control_timestep=None if first is None else first.control_timestep,
             control_limits=self.limits,
+            held=self.held,
             threads=self.threads,
         )
 
@@ -248,9 +251,10 @@ class MujocoTask:
     def returns(self, policy: Policy, seeds: Sequence[int]) -> Array:
         """Return of an episode of each seed, in the environment as it is; they run side by side."""
         episodes = [open_episode(self.environment, seed) for seed in seeds]
+        act = policy.acting() if isinstance(policy, BatchPolicy) else policy
         total, running = np.zeros(len(episodes)), list(range(len(episodes)))
         while running:
-            u = policy(np.stack([self.state(episodes[k]) for k in running]))
+            u = act(np.stack([self.state(episodes[k]) for k in running]))
             ctrl = self.problem.ctrl(u)
             for k, one in zip(running, ctrl, strict=True):
                 total[k] += episodes[k].step(one)

@@ -486,8 +486,8 @@ def make(problem: Swimming) -> BatchForm | None:
     limits = problem.control_limits
     return BatchForm(
         encoding,
-        partial(greedy_step, ws, constants, limits),
-        partial(greedy_rk4, ws, constants, limits),
+        lambda slope_at, *rest: greedy_step(ws, constants, limits, *rest),
+        lambda slope_at, *rest: greedy_rk4(ws, constants, limits, *rest),
         partial(targets, ws, constants),
         lambda x, u: x[..., 2 * n, :],
     )

@@ -134,10 +134,10 @@ def test_batch_form(problem, states, slopes):
     expected_u = expected_u * flips
     x, dVdx, turned = (np.ascontiguousarray(y.T) for y in (states, slopes, flips))
     u, y = np.zeros((q, BLOCK)), np.zeros_like(x)
-    form.greedy_step(x, dVdx, turned, dt, u, y)
+    form.greedy_step(None, x, dVdx, turned, dt, u, y)
     np.testing.assert_array_equal(u.T, expected_u)
     close(y.T, problem.step(states, expected_u, dt))
-    form.greedy_rk4(x, dVdx, turned, 1e-3, u, y)
+    form.greedy_rk4(None, x, dVdx, turned, 1e-3, u, y)
     by_rk4 = Swimming(problem.parameters, integrator="rk4").step(states, expected_u, 1e-3)
     close(y.T, by_rk4, 1e-8)  # RK4 of the full state is not that of the reduced one
     close(form.reward(x, u), problem.reward(states))

@@ -23,6 +23,7 @@ from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.problem import discount_shares
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint, save_checkpoint
+from swimmer_mj.learning.value_gradient.engines import stand_ins
 from swimmer_mj.learning.value_gradient.equations import targets, value_and_gradient_loss
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
@@ -398,6 +399,30 @@ def test_states_of_another_shape_are_refused(problem):
                 use(states)
     with pytest.raises(ValueError, match=r"got skip 0\.0 and duration -5"):
         discount_shares(1.0, -5, 0.01)
+
+
+def test_a_trajectory_that_runs_away_is_left_alone_and_begins_anew():
+    """x' = x^3 is infinite within dt of x = 20; from the middle, where nine of ten begin, nothing happens."""
+    starts = np.where(np.arange(32) % 10 == 0, 20.0, 0.1)[:, None]
+    runaway = dataclasses.replace(
+        run_to_the_middle(), drift=lambda x: x**3, draw=lambda rng, count: starts[:count]
+    )
+    learner = ValueGradientLearner(
+        runaway, multilayer(1, (8,)), dataclasses.replace(BANG_BANG, trajectories=32, minibatch=32)
+    )
+    for lost in (4, 1, 1):  # the first of those that begin anew runs away again
+        statistics = learner.step()
+        assert np.isfinite(statistics).all()
+        assert np.isnan(learner._states).sum() == lost
+    assert torch.isfinite(learner._weights).all()
+
+
+def test_stand_ins_are_tame_and_the_same_number_of_times():
+    z = np.zeros((3, 2, 6))
+    z[1, 0, 2], z[2, 1, 3] = np.nan, -1e3
+    assert stand_ins(z).tolist() == [0, 1, 4, 5, 4, 5]
+    z[0, 0, :3] = np.inf  # four of six: nothing would be left to learn from
+    assert stand_ins(z).tolist() == list(range(6))
 
 
 def test_says_what_is_not_finite():

@@ -202,11 +202,7 @@ TASKS: dict[str, Task] = {
     "point_mass/easy": Task(_point_mass, _point_mass_cost, _point_mass_learned),
     "reacher/easy": Task(_reacher(0.05), learned=_reacher_learned(0.05), draw=_reach_anywhere, goal=_target),
     "reacher/hard": Task(
-        _reacher(0.015),
-        learned=_reacher_learned(0.015),
-        learned_cost=(0.15, 0.15),
-        draw=_reach_anywhere,
-        goal=_target,
+        _reacher(0.015), learned=_reacher_learned(0.015), draw=_reach_anywhere, goal=_target
     ),
     "acrobot/swingup": Task(_acrobot, learned=_acrobot_learned, draw=_acrobot_anywhere, s_gamma=0.2),
     "swimmer/swimmer6": _SWIMMER,

@@ -110,14 +110,12 @@ TASKS: dict[str, Task] = {
     "InvertedPendulum-v5": Task(
         _inverted_pendulum,
         learned=_inverted_pendulum_learned,
-        learned_cost=(10.0,),
         draw=_near_upright,
         advice={"dt": 0.02, "trial_duration": 1.0, "s_lambda": 10.0},
     ),
     "InvertedDoublePendulum-v5": Task(
         _double_pendulum,
         learned=_double_pendulum_learned,
-        learned_cost=(30.0,),
         draw=_near_upright,
         s_gamma=2.0,
         advice={"dt": 0.02, "trial_duration": 1.0, "s_lambda": 20.0, "half_life": 20.0},

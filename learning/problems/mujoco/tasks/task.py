@@ -34,8 +34,6 @@ class Task(NamedTuple):
     """Coefficients of ctrl^2 in it, (N, q) or one for each control."""
     learned: Callable[[Scene], Tensor] | None = None
     """The reward that is learned, where the environment's has no slope; None: the environment's."""
-    learned_cost: tuple[float, ...] | None = None
-    """What the controls cost in learning, where bang-bang control held for a control step would be too coarse."""
     draw: Callable[[Any, np.random.Generator, int], Starts] | None = None
     """Initial states to learn from: (model, generator, count); None: the default law."""
     goal: Callable[[Any, Any], Array] = _no_goal

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from swimmer_mj.learning.networks.networks import Cascade, Multilayer
+from swimmer_mj.learning.networks.networks import Cascade, Multilayer, ValueNetwork
 from swimmer_mj.learning.networks.policy import GreedyPolicy, greedy_control
 from swimmer_mj.learning.problems.forms import BatchForm, CostForm
 from swimmer_mj.learning.problems.mujoco import MujocoProblem
@@ -68,13 +68,13 @@ def test_inputs_are_those_of_the_compiled_encoding_and_of_order_one():
 
 
 def test_a_control_that_costs_is_greedy_and_not_bang_bang():
-    """The compiled choice against the formula, and the formula against a search."""
-    problem = MujocoProblem(ARM, reach, control_cost=[0.3, 0.0])
+    """The compiled choice of the instant against the formula, and the formula against a search."""
+    problem = MujocoProblem(ARM, reach, control_cost=[0.3, 0.0], held=False)
     rng, N = np.random.default_rng(1), 32
     x, slope = problem.initial_states(rng, N), rng.normal(size=(N, problem.state_size))
     u, y = np.empty((2, N)), np.empty((problem.state_size, N))
     form = problem.form(BatchForm)
-    form.greedy_step(x.T.copy(), slope.T.copy(), np.ones((2, N)), 0.0, u, y)
+    form.greedy_step(None, x.T.copy(), slope.T.copy(), np.ones((2, N)), 0.0, u, y)
     _, B = problem.drift_and_control_matrix(x)
     cost = problem.form(CostForm).coefficients(x)
     expected = greedy_control(B, slope, problem.control_limits, cost)
@@ -221,3 +221,50 @@ def test_refuses_bad_arguments_in_one_line(reward, options, complaint):
 def test_a_missing_file_is_named():
     with pytest.raises(FileNotFoundError, match=r"there is no model nowhere\.xml"):
         MujocoProblem("nowhere.xml", reach)
+
+
+def test_responses_are_those_of_steps():
+    """Where the arm comes to is affine in the controls: by a learner's step, and nearly by the model's own steps."""
+    problem = MujocoProblem(ARM, reach, without=(), control_timestep=0.02)
+    rng, batch = np.random.default_rng(3), problem.batch()
+    x = np.ascontiguousarray(problem.initial_states(rng, 32).T)
+    u = rng.uniform(-1, 1, (2, 32))
+    coast, gain = batch.responses(x, 0.01, own=False)
+    np.testing.assert_allclose(
+        coast + (gain * u[:, None]).sum(axis=0), batch.step(x, u, 0.01), rtol=0, atol=1e-9
+    )
+    coast, gain = batch.responses(x, 0.02, own=True)
+    y = np.empty_like(x)
+    batch.greedy_act(lambda x: np.ones_like(x), x, np.ones_like(x), np.ones((2, 32)), 0.02, u, y)
+    np.testing.assert_allclose(coast + (gain * u[:, None]).sum(axis=0), y, rtol=0, atol=1e-3)
+    assert np.abs(gain[:, -2:]).max() > 0.1
+
+
+def test_a_held_control_oversteps_nothing():
+    """A cart to be stopped at the origin by a strong motor: bang-bang for the instant it would shake."""
+    cart = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size="0.1"/></body></worldbody>
+    <actuator><motor joint="x" ctrlrange="-1 1" gear="2000"/></actuator></mujoco>"""
+
+    class Bowl(ValueNetwork):
+        """V = -v^2, of the inputs of the cart."""
+
+        def __init__(self, n_inputs):
+            super().__init__()
+            self.n_inputs, self.weight = n_inputs, torch.nn.Parameter(torch.ones(1, dtype=torch.float64))
+
+        def forward(self, z):
+            return -self.weight * z[..., -1] ** 2
+
+    ends = {}
+    for held in (True, False):
+        problem = MujocoProblem(
+            cart, lambda scene: -(scene.qvel[:, 0] ** 2), held=held, control_timestep=0.02
+        )
+        x = problem.initial_states(np.random.default_rng(4), 32)
+        policy = GreedyPolicy(problem, Bowl(problem.n_inputs))
+        for _ in range(50):
+            u = policy(x)
+            for _ in range(10):
+                x = problem.step(x, u, 0.002)
+        ends[held] = np.abs(x[:, -1]).max()
+    assert ends[True] < 1e-3 < 0.1 < ends[False]

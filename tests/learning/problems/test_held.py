@@ -1,0 +1,50 @@
+"""Controls that are chosen for where they lead to, against closed forms and a search."""
+
+import numpy as np
+import pytest
+
+from swimmer_mj.learning.problems.held import held_control
+
+
+def bowl(minimum, curvature):
+    """The slope of V = -sum curvature (x - minimum)^2 / 2."""
+    return lambda x: -curvature[:, None] * (x - minimum[:, None])
+
+
+def test_one_control_of_a_quadratic_value_ends_where_the_value_is_highest():
+    """x = coast + gain u: the best u is (minimum - coast) / gain, or at its limit."""
+    rng = np.random.default_rng(0)
+    coast, gain = rng.normal(size=(1, 200)), rng.uniform(0.5, 2.0, (1, 1, 200))
+    u = held_control(bowl(np.zeros(1), np.ones(1)), coast, gain, np.array([0.8]), np.zeros((1, 200)))
+    wanted = np.clip(-coast / gain[0], -0.8, 0.8)
+    np.testing.assert_allclose(u, wanted, rtol=0, atol=1e-12)
+    assert 0 < np.count_nonzero(np.abs(wanted) < 0.8) < 200
+
+
+@pytest.mark.parametrize("price", [0.0, 0.05, 3.0])
+def test_what_it_costs_is_weighed_against_where_it_leads(price):
+    """Against the best of many controls, for a quadratic V of two coordinates that one control moves together."""
+    rng = np.random.default_rng(1)
+    coast, gain = rng.normal(size=(2, 100)), rng.normal(size=(1, 2, 100))
+    minimum, curvature = np.array([0.3, -0.1]), np.array([1.0, 4.0])
+    u = held_control(bowl(minimum, curvature), coast, gain, np.array([1.0]), np.full((1, 100), price))
+    tried = np.linspace(-1, 1, 20001)
+    for n in range(100):
+        x = coast[:, n, None] + gain[0, :, n, None] * tried
+        worth = -(curvature[:, None] * (x - minimum[:, None]) ** 2).sum(axis=0) / 2 - price * tried**2
+        assert abs(tried[worth.argmax()] - u[0, n]) < 2e-4
+
+
+def test_a_control_that_cannot_overstep_is_bang_bang():
+    rng = np.random.default_rng(2)
+    slope, gain = rng.normal(size=(3, 50)), 1e-6 * rng.normal(size=(2, 3, 50))
+    limits = np.array([1.0, 2.0])
+    u = held_control(lambda x: slope - 0.1 * x, np.zeros((3, 50)), gain, limits, np.zeros((2, 50)))
+    np.testing.assert_array_equal(u, limits[:, None] * np.sign((gain * slope).sum(axis=1)))
+
+
+def test_several_controls_of_a_quadratic_value_are_not_worse_than_bang_bang():
+    """Two controls that push the same coordinate: together they would overstep twice as far."""
+    coast, gain = np.full((1, 1), -0.1), np.ones((2, 1, 1))
+    u = held_control(bowl(np.zeros(1), np.ones(1)), coast, gain, np.ones(2), np.zeros((2, 1)))
+    np.testing.assert_allclose(u, 0.05)
