@@ -421,7 +421,9 @@ def test_train_reports_and_resumes(tmp_path, capsys):
 )
 def test_the_learning_rate_is_smaller_with_vario_eta(tmp_path, capsys, options, eta):
     out = tmp_path / "run"
-    assert run(capsys, "train", "--out", out, *PENDULUM, *options, "--trials", "5")[0] == 0
+    assert (
+        run(capsys, "train", "--out", out, *PENDULUM, *options, "--dtype", "float64", "--trials", "5")[0] == 0
+    )
     assert read_config(out).method.settings.eta == eta
 
 

@@ -1,6 +1,8 @@
 """What the documentation says is run, followed or looked up."""
 
+import functools
 import importlib.util
+import json
 import re
 import subprocess
 import sys
@@ -29,23 +31,52 @@ def code_spans(text):
 
 
 # Examples. Those of some pages have tests of their own.
-EXAMPLES = [
-    pytest.param(code, id=f"{name}-{number}")
+EXAMPLES = {
+    name: re.findall(r"```python\n(.*?)```", page(name), re.DOTALL)
     for name in ("docs/python.md", "docs/gymnasium.md", "docs/physics.md", "models/README.md")
-    for number, code in enumerate(re.findall(r"```python\n(.*?)```", page(name), re.DOTALL), start=1)
-]
+}
+RUN = """
+import contextlib, io, json, sys, traceback
+
+def run(code):
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        try:
+            exec(code, {"__name__": "__main__"})
+        except Exception:
+            return printed.getvalue(), traceback.format_exc()
+    return printed.getvalue(), ""
+
+ran = [run(code) for code in json.load(sys.stdin)]
+print(json.dumps(ran))
+"""
 
 
-@pytest.mark.parametrize("code", EXAMPLES)
-def test_an_example_runs_alone_and_prints_what_it_says(code, tmp_path):
-    (tmp_path / "models").symlink_to(ROOT / "models")  # as in a checkout; what it writes stays here
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
-    if importlib.util.find_spec("dm_control") is None and re.search(
-        "MissingDmControl|'dm_control'", done.stderr
-    ):
+@pytest.fixture(scope="module")
+def outcomes(tmp_path_factory):
+    """What the examples of a page print, and how they fail: one after the other, each with names of its own."""
+
+    @functools.cache
+    def of_page(name):
+        folder = tmp_path_factory.mktemp("page")
+        (folder / "models").symlink_to(ROOT / "models")  # as in a checkout; what they write stays here
+        command, codes = [sys.executable, "-c", RUN], json.dumps(EXAMPLES[name])
+        done = subprocess.run(command, cwd=folder, input=codes, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return of_page
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), [(name, number) for name, codes in EXAMPLES.items() for number in range(len(codes))]
+)
+def test_an_example_runs_and_prints_what_it_says(outcomes, name, number):
+    printed, error = outcomes(name)[number]
+    if importlib.util.find_spec("dm_control") is None and re.search("MissingDmControl|'dm_control'", error):
         pytest.skip("it needs dm_control")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)
+    assert not error
+    expected = re.findall(r"^print\(.*\)  # (.*)$", EXAMPLES[name][number], re.MULTILINE)
+    assert printed.splitlines() == expected
 
 
 def test_all_examples_are_found():
@@ -56,7 +87,7 @@ def test_all_examples_are_found():
         "extending.md",
     }  # they have tests of their own
     pages = [path for path in PAGES if path.name not in elsewhere]
-    assert len(EXAMPLES) == sum(path.read_text().count("```python") for path in pages)
+    assert sum(map(len, EXAMPLES.values())) == sum(path.read_text().count("```python") for path in pages)
 
 
 # Links

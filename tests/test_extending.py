@@ -46,7 +46,7 @@ def test_the_page_has_a_problem_and_a_method_and_uses_them():
 
 
 def test_what_is_learned_holds_the_pendulum_up(outside):
-    """Upright is 1. A hanging pendulum is -1, one that turns is 0; sixteen seeds of value gradients end above 0.98."""
+    """Upright is 1. A hanging pendulum is -1, one that turns is 0; eight seeds of value gradients ended above 0.9."""
     _, printed = outside
     rewards = {
         command.split()[2]: [float(found) for found in re.findall(r"mean reward (\S+)", text)]
@@ -62,7 +62,7 @@ def test_what_is_learned_holds_the_pendulum_up(outside):
 
 
 @pytest.mark.parametrize(
-    ("run", "trials"), [("gradients", 600), ("lambda", 4), ("grid", 30), ("seeds/seed-1", 200)]
+    ("run", "trials"), [("gradients", 400), ("lambda", 2), ("grid", 20), ("seeds/seed-1", 100)]
 )
 def test_runs_go_on_where_they_were(outside, run, trials):
     folder, _ = outside
@@ -77,7 +77,7 @@ def test_the_console_finds_ones_own_modules_in_the_working_directory(outside):
     command = [program, "info", "runs/grid", "--json", "--trust", "double_pendulum", "grid_iteration"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["best"]["trial"] in (10, 20, 30)
+    assert json.loads(done.stdout)["best"]["trial"] in (10, 20)
 
 
 def test_a_strangers_run_runs_nothing(outside, tmp_path):

@@ -48,16 +48,14 @@ def test_the_commands_say_what_they_need(tmp_path, monkeypatch, arguments):
 def test_environments_and_evaluation_do_without(tmp_path):
     code = f"""
 import gymnasium, numpy as np, swimmer_mj.gymnasium
-from swimmer_mj.learning import load_pretrained
-from swimmer_mj.learning.problems.swim.environment import record_episode, evaluation_states
 from swimmer_mj.cli import main
 env = gymnasium.make("swimmer_mj/Steer3-v0", render_mode="rgb_array", width=64, height=48)
 envs = gymnasium.make_vec("swimmer_mj/Steer3-v0", 2)
 env.reset(seed=0), envs.reset(seed=0)
 print(env.step(np.ones(2, np.float32))[0].shape, envs.step(np.ones((2, 2), np.float32))[0].shape, env.render().shape)
 env.close(), envs.close()
-status = main(["evaluate", "swim5-value-gradient", "--episodes", "2"])
-status |= main(["page", "swim5-value-gradient", "--out", {str(tmp_path / "swim.html")!r}])
+status = main(["evaluate", "swim3-paper", "--episodes", "2"])
+status |= main(["page", "swim3-paper", "--out", {str(tmp_path / "swim.html")!r}])
 sys.exit(status)
 """
     done = without_dm_control(code)

@@ -10,10 +10,10 @@ from swimmer_mj.learning.experiments.tables import read_table
 def run_small(monkeypatch, directory, trials):
     monkeypatch.setattr(long_runs, "SEEDS", range(2))
     monkeypatch.setattr(long_runs, "EVALUATE_EVERY", 2)
-    monkeypatch.setattr(long_runs, "SWIMMERS", {"swim5": Swimmer(5, 6, trials, 1.0)})
+    monkeypatch.setattr(long_runs, "SWIMMERS", {"swim3": Swimmer(3, 6, trials, 1.0)})
     news = []
-    long_runs.run("swim5", directory, news.append)
-    return read_table(directory / "swim5.csv"), news
+    long_runs.run("swim3", directory, news.append)
+    return read_table(directory / "swim3.csv"), news
 
 
 def without_times(table):
@@ -32,7 +32,7 @@ def test_each_preset_has_its_trials_and_an_interruption_changes_nothing(tmp_path
         ("tuned", 1, 2),
     ]
     assert len(news) == 6
-    assert "swim5-paper/seed-1: trial 4" in news[-1]
+    assert "swim3-paper/seed-1: trial 4" in news[-1]
     assert np.isfinite(whole["speed"]).all()
 
     begun, _ = run_small(monkeypatch, tmp_path / "pieces", {"paper": 2, "tuned": 2})

@@ -65,7 +65,7 @@ def rows_of(run):
 
 @pytest.mark.parametrize("vario", [None, VarioEta()])
 def test_an_interrupted_run_computes_the_same_bits(tmp_path, vario):
-    config = small(vario=vario)
+    config = small(vario=vario, dtype="float64")
     whole = TrainingRun(tmp_path / "whole", config)
     for _ in range(3):
         advance(whole)

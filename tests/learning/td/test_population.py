@@ -20,9 +20,12 @@ from swimmer_mj.learning.td.vario_eta import VarioEta
 from swimmer_mj.parameters import PAPER
 
 N_NEURONS = 12
+SWIMMING = Swimming(PAPER, encoding="angle")
+"""Learned by logistic neurons here, so that the compiler's work is that of test_fused.py."""
 
 
-def network_for(problem, seed, n_neurons=N_NEURONS, dtype=torch.float64, sigmoid="tanh"):
+def network_for(problem, seed, n_neurons=N_NEURONS, dtype=torch.float64, sigmoid=None):
+    sigmoid = sigmoid or ("logistic" if isinstance(problem, Swimming) else "tanh")
     generator = torch.Generator().manual_seed(seed)
     network = Cascade(problem.n_inputs, n_neurons, generator=generator, dtype=dtype, sigmoid=sigmoid)
     with torch.no_grad():
@@ -42,7 +45,7 @@ def starts_for(problem, trials, learners, seed=0):
 
 
 def test_swimmers_are_their_single_runs():
-    problem = Swimming(PAPER)
+    problem = SWIMMING
     settings = [
         {"eta": 0.01 * (1 + lane), "s_lambda": 0.5 * lane, "output_scaling": lane % 2 == 0}
         for lane in range(5)
@@ -70,7 +73,7 @@ COMPANIES = {
 
 @pytest.mark.parametrize(
     ("problem", "dtype"),
-    [(Swimming(PAPER), torch.float64), (Pendulum(), torch.float32)],
+    [(SWIMMING, torch.float64), (Pendulum(), torch.float32)],
     ids=["swimmer", "pendulum"],
 )
 def test_a_learner_depends_on_no_lane_and_no_companion_bit_for_bit(problem, dtype):
@@ -213,7 +216,7 @@ def test_refuses_initial_states_of_another_shape(pair):
             pack.train(states)
 
 
-@pytest.mark.parametrize("problem", [Swimming(PAPER), Pendulum()], ids=lambda problem: problem.name)
+@pytest.mark.parametrize("problem", [SWIMMING, Pendulum()], ids=lambda problem: problem.name)
 def test_final_states_are_where_the_last_trials_ended(problem):
     settings = TDSettings(eta=0.04, trial_duration=0.1)
     learners = [FusedTD(problem, network_for(problem, seed), settings) for seed in range(2)]
