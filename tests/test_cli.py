@@ -36,7 +36,8 @@ def run(capsys, *arguments):
 def trained(tmp_path_factory):
     """A run of a swimmer that has hardly learned."""
     out = tmp_path_factory.mktemp("runs") / "run"
-    assert main(["train", "--out", str(out), "--trials", "60", "--evaluate-every", "30", "--links", "3"]) == 0
+    learning = ["--links", "3", "--neurons", "6", "--trials", "60", "--evaluate-every", "30"]
+    assert main(["train", "--out", str(out), *learning]) == 0
     return out
 
 
@@ -442,14 +443,15 @@ def test_evaluate(capsys, trained):
 
 def test_another_problem_is_evaluated_and_drawn(tmp_path, capsys):
     out = tmp_path / "run"
-    short = ["--trials", "5", "--evaluate-every", "5"]
+    short = ["--s-gamma", "10", "--trials", "5", "--evaluate-every", "5"]
     assert run(capsys, "train", "--out", out, *PENDULUM, *short)[0] == 0
     status, reply, err = run(capsys, "evaluate", out, "--episodes", "2", "--json")
     assert status == 0, err
     result = json.loads(reply)
     assert (result["n_episodes"], result["measure"]) == (2, "reward")
     assert -1 <= result["reward_ci95"][0] <= result["reward_mean"] <= result["reward_ci95"][1] <= 1
-    assert run(capsys, "evaluate", out, "--episodes", "1")[1].startswith("seed 0, 5 trials: mean reward ")
+    output.print_evaluation(output.make_console(quiet=False), result)
+    assert capsys.readouterr().out.startswith("seed 0, 5 trials: mean reward ")
     status, reply, err = run(capsys, "render", out, "--duration", "1", "--json")
     assert status == 0, err
     pictures = {name: Path(path) for name, path in json.loads(reply).items() if name != "run"}
@@ -555,11 +557,9 @@ def test_view_names_the_tasks_there_are():
 
 
 def test_module_is_the_command():
-    done = subprocess.run(
-        [sys.executable, "-m", "swimmer_mj", "info", "--json"], capture_output=True, text=True
-    )
+    done = subprocess.run([sys.executable, "-m", "swimmer_mj", "--help"], capture_output=True, text=True)
     assert done.returncode == 0
-    assert json.loads(done.stdout)["version"]
+    assert done.stdout.startswith("usage: swimmer-mj ")
 
 
 def test_figures_draws_what_is_asked_for(tmp_path, capsys):

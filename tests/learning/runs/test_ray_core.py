@@ -29,7 +29,7 @@ needs_ray = pytest.mark.skipif(not ray_core.is_installed(), reason="Ray is not i
 FILE = """
 problem = "pendulum"
 trials = 1200
-seeds = "0-2"
+seeds = "0-1"
 evaluate_every = 100
 
 [set]
@@ -167,7 +167,7 @@ def test_interrupted_and_a_node_killed_it_computes_what_one_machine_computes(fil
     shown, err = process.communicate(timeout=300)
     assert (process.returncode, err) == (0, "")
     assert "was lost; its runs go on from their last checkpoints" in shown
-    assert "6 of 6 runs done, 0 diverged" in shown
+    assert "4 of 4 runs done, 0 diverged" in shown
     assert log(out / job.name)[: len(before)] == before  # seconds too: it went on, and did not begin again
 
     run_jobs(jobs, tmp_path / "local", trials)

@@ -13,6 +13,7 @@ import pytest
 import torch
 
 from swimmer_mj.learning.problems.cart_pole import CartPole
+from swimmer_mj.learning.problems.forms import EpisodeForm
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs import together
@@ -40,6 +41,14 @@ def small(seed=0, evaluate_every=20, **changes):
 
 
 SMALL = small()
+
+
+@dataclasses.dataclass(frozen=True)
+class Brief(Pendulum):
+    """Judged in a second, where that takes Python and torch."""
+
+    def form(self, kind):
+        return EpisodeForm(1.0, 0.5, 0.01) if kind is EpisodeForm else Pendulum().form(kind)
 
 
 def advance(run, **kwargs):
@@ -206,7 +215,7 @@ def test_runs_that_diverge_do_not_stop_the_others(tmp_path):
 def test_value_gradients_that_diverge_are_named(tmp_path):
     def make(name, **changes):
         settings = ValueGradientSettings(trajectories=32, steps=5, minibatch=32, dt=0.05, **changes)
-        return TrainingRun(tmp_path / name, RunConfig(Pendulum(), ValueGradients(settings, (8,)), 0, 2))
+        return TrainingRun(tmp_path / name, RunConfig(Brief(), ValueGradients(settings, (8,)), 0, 2))
 
     good, bad = make("good"), make("bad", learning_rate=1e30)
     with pytest.raises(
@@ -220,7 +229,7 @@ def test_value_gradients_that_diverge_are_named(tmp_path):
 def test_a_trial_of_value_gradients_is_as_long_as_one_of_td(tmp_path):
     """Two trials of 5 s are two rounds of 32 trajectories x 5 steps of 0.05 s."""
     settings = ValueGradientSettings(trajectories=32, steps=5, minibatch=32, dt=0.05)
-    run = TrainingRun(tmp_path / "run", RunConfig(Pendulum(), ValueGradients(settings, (8,)), 0, 2))
+    run = TrainingRun(tmp_path / "run", RunConfig(Brief(), ValueGradients(settings, (8,)), 0, 2))
     advance(run)
     assert (run.trial, run.learning.learner.rounds) == (2, 2)
 
@@ -441,7 +450,7 @@ def test_a_run_that_always_diverges_stops_in_the_end(tmp_path, engine):
 
 def test_value_gradients_start_again_with_other_random_numbers(tmp_path):
     settings = ValueGradientSettings(trajectories=32, steps=5, minibatch=32, dt=0.05)
-    run = TrainingRun(tmp_path / "run", RunConfig(Pendulum(), ValueGradients(settings, (8,)), 0, 2))
+    run = TrainingRun(tmp_path / "run", RunConfig(Brief(), ValueGradients(settings, (8,)), 0, 2))
     advance(run)
     weights, states = run.learning.learner._weights.clone(), run.learning.learner._states.copy()
     run.restart()

@@ -188,7 +188,7 @@ def test_the_commands_learn_judge_draw_and_go_on(tmp_path, monkeypatch, capsys):
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    small = ["--method", "value-gradient", "--trials", "4", "--evaluate-every", "4"]
+    small = ["--method", "value-gradient", "--s-gamma", "10", "--trials", "4", "--evaluate-every", "4"]
     small += ["--set", "trajectories=32", "steps=10", "minibatch=32", "dt=0.02"]
     own = ["--problem", "pole.xml", "--reward", "pole_reward:reward"]
     assert main(["train", "--out", "own", *own, *small]) == 0
