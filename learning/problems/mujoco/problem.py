@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import mujoco
 import numpy as np
@@ -112,6 +112,9 @@ class MujocoProblem:
         For how long a control is held when the policy acts, s; the model's own time step by default.
     without : sequence of str, optional
         Joints whose positions nothing depends on; None finds them.
+    inputs : mapping, optional
+        How coordinates enter the network, by their names in ``problem.layout.names``: a factor, or "angle" for cos and
+        sin; 0 leaves one out. What is not named is encoded by what initial states and short rollouts show.
     control_limits : sequence of float, optional
         For actuators without a ctrlrange.
     held : bool
@@ -133,6 +136,7 @@ class MujocoProblem:
         s_gamma: float = 1.0,
         control_timestep: float | None = None,
         without: Sequence[str] | None = None,
+        inputs: Mapping[str, float | Literal["angle"]] | None = None,
         control_limits: Sequence[float] | None = None,
         held: bool = True,
         threads: int | None = None,
@@ -161,7 +165,7 @@ class MujocoProblem:
         self._check_functions()
         if without is None:
             self._lay_out(self._unused())
-        self.encoding = self._encoding()
+        self.encoding = self._encoding({} if inputs is None else inputs)
         self.n_inputs = 2 * len(self.encoding.angle) + len(self.encoding.linear)
 
     def _lay_out(self, without: Sequence[str]) -> None:
@@ -359,9 +363,12 @@ class MujocoProblem:
             x = np.where(ok[:, None], later, x)
         return x
 
-    def _encoding(self) -> Encoding:
-        angle = self.layout.angle
-        linear = np.setdiff1d(np.arange(self.state_size), angle)
+    def _encoding(self, asked: Mapping[str, float | Literal["angle"]]) -> Encoding:
+        rows = self._rows_asked_for(asked)
+        turning = [i for i, how in rows.items() if how == "angle"]
+        angle = np.union1d(np.setdiff1d(self.layout.angle, list(rows)), turning).astype(np.int64)
+        unheard = [i for i, how in rows.items() if how == 0]
+        linear = np.setdiff1d(np.arange(self.state_size), np.union1d(angle, unheard)).astype(np.int64)
         n = len(angle)
         seen = np.concatenate([self.initial_states(np.random.default_rng(0), SAMPLE), self._wanderings()])
         size = np.sqrt((seen[:, linear] ** 2).mean(axis=0))
@@ -369,8 +376,24 @@ class MujocoProblem:
         co = self.layout.coordinates
         for row in co.quaternion_row:
             scale[np.isin(linear, np.arange(row, row + 4))] = 1.0
+        for i, how in rows.items():
+            if how != "angle":
+                scale[linear == i] = how
         k = np.arange(n)
         return Encoding(angle, k, n + k, linear, 2 * n + np.arange(len(linear)), scale)
+
+    def _rows_asked_for(
+        self, asked: Mapping[str, float | Literal["angle"]]
+    ) -> dict[int, float | Literal["angle"]]:
+        names, rows = self.layout.names, {}
+        for name, how in asked.items():
+            found = [i for i, known in enumerate(names) if known == name]
+            if not found:
+                raise ValueError(f"inputs names {name!r}; the state has {', '.join(dict.fromkeys(names))}")
+            if how != "angle" and not (isinstance(how, float | int) and math.isfinite(how)):
+                raise ValueError(f"inputs[{name!r}] must be a finite factor or 'angle', got {how!r}")
+            rows |= dict.fromkeys(found, how)
+        return rows
 
     def _unused(self) -> tuple[str, ...]:
         """Hinges and slides whose positions change neither accelerations, nor control matrix, nor reward."""

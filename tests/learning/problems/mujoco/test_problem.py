@@ -268,3 +268,39 @@ def test_a_held_control_oversteps_nothing():
                 x = problem.step(x, u, 0.002)
         ends[held] = np.abs(x[:, -1]).max()
     assert ends[True] < 1e-3 < 0.1 < ends[False]
+
+
+def test_how_coordinates_enter_the_network_can_be_said():
+    """A limited joint by cos and sin, a free one by its angle, a velocity by a factor, one not at all."""
+    inputs = {"elbow": "angle", "wheel": 0.5, "x'": 3.0, "y": 0.0}
+    problem = MujocoProblem(ARM, reach, without=(), inputs=inputs)
+    names, e = problem.layout.names, problem.encoding
+    assert [names[i] for i in e.angle] == ["elbow"]
+    factor = dict(zip((names[i] for i in e.linear), e.scale, strict=True))
+    assert factor["wheel"] == 0.5
+    assert factor["x'"] == 3.0
+    assert "y" not in factor
+    assert problem.n_inputs == len(names)  # one more for the angle, one less for what is left out
+    x = problem.initial_states(np.random.default_rng(0), 4)
+    z = problem.inputs(torch.from_numpy(x)).numpy()
+    assert np.allclose(z[:, e.cosine[0]], np.cos(x[:, names.index("elbow")]))
+    learner = ValueGradientLearner(
+        problem,
+        Multilayer(problem.n_inputs, (8,), generator=torch.Generator().manual_seed(0)),
+        ValueGradientSettings(trajectories=32, steps=5, minibatch=32, trial_duration=1.0),
+    )
+    assert learner.engine == "compiled"
+    assert np.isfinite(learner.step()).all()
+
+
+@pytest.mark.parametrize(
+    ("inputs", "complaint"),
+    [
+        ({"knee": 1.0}, "inputs names 'knee'; the state has x, y, elbow"),
+        ({"elbow": "cosine"}, "inputs['elbow'] must be a finite factor or 'angle', got 'cosine'"),
+        ({"elbow": np.inf}, "inputs['elbow'] must be a finite factor or 'angle', got inf"),
+    ],
+)
+def test_what_cannot_enter_is_refused(inputs, complaint):
+    with pytest.raises(ValueError, match=re.escape(complaint)):
+        MujocoProblem(ARM, reach, without=(), inputs=inputs)
