@@ -62,7 +62,7 @@ def test_speed_is_displacement_over_time_in_the_second_half(suite, policy):
 
 
 def test_threads_share_the_episodes_without_changing_them(policy):
-    agent = SwimmingPolicy(policy)
+    agent = SwimmingPolicy(policy, batches=True)
     alone = evaluate_swimming(agent, THREE, n_episodes=4)
     shared = evaluate_swimming(agent, THREE, n_episodes=4, workers=2)
     assert (shared.speeds == alone.speeds).all()

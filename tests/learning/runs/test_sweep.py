@@ -119,7 +119,9 @@ def test_the_same_command_goes_on_where_it_stopped(file, tmp_path, capsys):
 
 
 def test_a_run_that_diverges_has_its_row_and_the_others_go_on(file, tmp_path, capsys):
-    file.write_text(FILE.replace("[0.02, 0.08]", "[0.02, 1e9]").replace("20\n", "200\n"))
+    file.write_text(
+        FILE.replace("[0.02, 0.08]", "[0.02, 1e9]").replace("20\n", "200\n").replace("10\n", "100\n")
+    )
     out = tmp_path / "out"
     for _ in range(2):  # the second time, it is left alone
         assert main(["sweep", str(file), "--out", str(out)]) == 0
