@@ -16,6 +16,7 @@ from pathlib import Path
 
 import gait_tables
 import measured
+import model_tables
 import tables
 import tyro
 
@@ -57,7 +58,11 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "gait-accelerations": gait_tables.accelerations,
     "gait-basins": gait_tables.basins,
     "gait-shares": gait_tables.shares,
-    "any-model": tables.any_model,
+    "any-model": model_tables.any_model,
+    "own-models": model_tables.own_models,
+    "swimmer-as-mjcf": model_tables.swimmer_as_mjcf,
+    "reacher-bound": model_tables.reacher_bound,
+    "jacobian-cost": model_tables.jacobian_cost,
     "cluster-scale": tables.cluster_scale,
     "run-cost": tables.run_cost,
     "model-peers": tables.model_peers,

@@ -86,7 +86,13 @@ def hover(scene: Scene) -> Tensor:
     upright = scene.body_frame("body")[:, 2, 2]
     speed = scene.qvel[:, :3].square().sum(dim=1)
     spin = scene.qvel[:, 3:].square().sum(dim=1)
-    return torch.exp(-away / 0.2**2) + torch.exp(-away / 1.5**2) + 0.5 * upright - 0.05 * speed - 0.02 * spin
+    return (
+        0.5 * upright
+        + torch.exp(-away / 0.15**2)
+        - (away + 0.01).sqrt()
+        - 0.1 * (speed + 0.1).sqrt()
+        - 0.05 * (spin + 0.1).sqrt()
+    )
 
 
 def quadrotor_starts(model: Any, rng: np.random.Generator, count: int) -> Starts:
@@ -105,7 +111,9 @@ def body_distance(data: Any, goal: Array) -> float:
 
 MODELS = {
     "arm7": OwnModel(reach, arm_starts, hand_distance, 0.05, {"dt": 0.02, "trial_duration": 4.0}),
-    "quadrotor": OwnModel(hover, quadrotor_starts, body_distance, 0.1, {"dt": 0.02, "trial_duration": 4.0}),
+    "quadrotor": OwnModel(
+        hover, quadrotor_starts, body_distance, 0.1, {"dt": 0.02, "trial_duration": 3.0, "steps": 20}
+    ),
 }
 
 

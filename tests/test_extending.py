@@ -46,7 +46,7 @@ def test_the_page_has_a_problem_and_a_method_and_uses_them():
 
 
 def test_what_is_learned_holds_the_pendulum_up(outside):
-    """Upright is 1. A hanging pendulum is -1, one that turns is 0; eight seeds of value gradients ended above 0.9."""
+    """Upright is 1. A hanging pendulum is -1, one that turns is 0; seven seeds of value gradients ended above 0.9."""
     _, printed = outside
     rewards = {
         command.split()[2]: [float(found) for found in re.findall(r"mean reward (\S+)", text)]

@@ -26,7 +26,7 @@ __all__ = ["Batch", "Engine", "engine_for"]
 Array = NDArray[np.float64]
 
 
-WILD = 100.0
+WILD = 10.0
 """Network inputs are of order one: a trajectory on which one is larger than this has left what can be learned."""
 
 

@@ -1,0 +1,157 @@
+"""What value gradients make of MuJoCo models, in numbers, as ``docs_tables.py`` writes them into the pages."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from swimmer_mj.intervals import mean_and_interval_text
+from swimmer_mj.learning.experiments.summaries import Summary
+
+__all__ = ["any_model", "jacobian_cost", "own_models", "published", "reacher_bound", "swimmer_as_mjcf"]
+
+RESULTS = Path(__file__).parent / "results"
+
+
+def _rows(name: str) -> list[dict[str, str]]:
+    with (RESULTS / name).open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def published() -> dict[str, list[tuple[str, float]]]:
+    """Returns that others have published, by task: (learner, mean return), the best first."""
+    found: dict[str, list[tuple[str, float]]] = {}
+    with (RESULTS / "published-returns.csv").open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            found.setdefault(row["task"], []).append((row["learner"], float(row["return"])))
+    return {task: sorted(rows, key=lambda row: -row[1]) for task, rows in found.items()}
+
+
+def any_model() -> Summary:
+    """Return of what each seed's best look kept, in thirty other episodes, beside what others have published."""
+    kept: dict[str, list[float]] = {}
+    seconds: dict[str, float] = {}
+    with (RESULTS / "any-model.csv").open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            if row["look"] == "best":
+                kept.setdefault(row["task"], []).append(float(row["return_mean"]))
+            else:
+                seconds[row["task"]] = max(seconds.get(row["task"], 0.0), float(row["cpu_seconds"]))
+    others, rows = published(), []
+    for task, returns in kept.items():
+        values = np.array(returns)
+        rivals = others.get(task, [])
+        best = rivals[0][1] if rivals else np.nan
+        bar = best - 0.05 * abs(best)
+        reached = f"{(values >= bar).sum()} of {len(values)}" if rivals else "—"
+        digits = ".0f" if abs(values).max() > 20 else ".1f"
+        rows.append(
+            (
+                f"`{task}`",
+                str(len(values)),
+                f"{seconds[task]:.0f}",
+                mean_and_interval_text(values, digits),
+                f"{values.min():{digits}}",
+                ", ".join(f"{name} {value:{digits}}" for name, value in rivals) or "—",
+                reached,
+            )
+        )
+    head = (
+        "task",
+        "seeds",
+        "seconds of a core",
+        "return",
+        "worst seed",
+        "published",
+        "seeds at 95 % of the best published",
+    )
+    return Summary("", head, rows)
+
+
+def own_models() -> Summary:
+    """Share of episodes that end at the goal, by model and processor time; mean over seeds, and the worst."""
+    return _by_time(
+        _rows("own-models.csv"),
+        "model",
+        lambda row: 100 * float(row["at_the_goal_share"]),
+        ("model", "seeds", "seconds of a core", "episodes that end at the goal, %", "worst seed"),
+    )
+
+
+def swimmer_as_mjcf() -> Summary:
+    """Swimming speed of the paper's swimmer as MJCF, by friction and processor time."""
+    return _by_time(
+        _rows("swimmer-as-mjcf.csv"),
+        "algorithm",
+        lambda row: float(row["speed"]),
+        ("swim5 as MJCF", "seeds", "seconds of a core", "speed, m/s", "worst seed"),
+        ".2f",
+    )
+
+
+def _by_time(
+    rows: list[dict[str, str]],
+    name: str,
+    number: Callable[[dict[str, str]], float],
+    head: tuple[str, ...],
+    digits: str = ".0f",
+) -> Summary:
+    """A row for each name and time of a look: looks come a little late, so that times are told apart by their order."""
+    looks: dict[tuple[str, str], list[dict[str, str]]] = {}
+    for row in rows:
+        looks.setdefault((row[name], row["seed"]), []).append(row)
+    columns: dict[tuple[str, int], list[dict[str, str]]] = {}
+    for (who, _), mine in looks.items():
+        for k, row in enumerate(mine):
+            columns.setdefault((who, k), []).append(row)
+    table = []
+    for (who, _), mine in sorted(columns.items(), key=lambda item: item[0]):
+        values = np.array([number(row) for row in mine])
+        seconds = np.mean([float(row["cpu_seconds"]) for row in mine])
+        worst = f"{values.min():{digits}}"
+        table.append((who, str(len(mine)), f"{seconds:.0f}", mean_and_interval_text(values, digits), worst))
+    return Summary("", head, table)
+
+
+def reacher_bound() -> Summary:
+    """Mean return in thirty episodes: of learned policies and of plans that know the start."""
+    rows = _rows("reacher-bound.csv")
+    learned, planned = (np.mean([float(row[name]) for row in rows]) for name in ("learned", "planned"))
+    best = published()["gymnasium/Reacher-v5"][0]
+    head = ("Reacher-v5, thirty episodes", "mean return")
+    return Summary(
+        "",
+        head,
+        [
+            ("the best of three policies in each episode", f"{learned:.2f}"),
+            ("the best plan found for it, from its known start", f"{planned:.2f}"),
+            (f"published: {best[0]}, an older version", f"{best[1]:.2f}"),
+        ],
+    )
+
+
+def jacobian_cost() -> Summary:
+    """Rates of MuJoCo's steps and of states that are pulled back, by degrees of freedom."""
+    found = json.loads((RESULTS / "jacobian-cost.json").read_text(encoding="utf-8"))
+    head = (
+        "degrees of freedom",
+        "mj_step /s",
+        "states with Jacobian /s, 1 thread",
+        "2 threads",
+        "mj_steps a state",
+    )
+    rows = [
+        (
+            str(row["degrees"]),
+            f"{row['mj_step']:,.0f}",
+            f"{row['pull_back_1']:,.0f}",
+            f"{row['pull_back_2']:,.0f}",
+            f"{row['mj_step'] / row['pull_back_1']:.1f}",
+        )
+        for row in found["rows"]
+    ]
+    return Summary("", head, rows)
