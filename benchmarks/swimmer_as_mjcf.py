@@ -35,7 +35,6 @@ from swimmer_mj.parameters import PAPER
 
 OUT = Path(__file__).parent / "results" / "swimmer-as-mjcf.csv"
 S_GAMMA = 0.5
-HELD = True
 LOOKS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0)
 
 Array = NDArray[np.float64]
@@ -65,7 +64,6 @@ def swimmer(friction: Friction) -> MujocoProblem:
         draw=draw,
         s_gamma=S_GAMMA,
         threads=1,
-        held=HELD,
     )
 
 
@@ -79,7 +77,7 @@ def learn(friction: Friction, seed: int, seconds: float, console: Console) -> li
     problem = swimmer(friction)
     generator = torch.Generator().manual_seed(seed)
     network = Multilayer(problem.n_inputs, (64, 64), generator=generator, dtype=torch.float32)
-    settings = ValueGradientSettings(trajectories=256, minibatch=256)
+    settings = ValueGradientSettings(trajectories=256, minibatch=256, dt=0.02)
     learner = ValueGradientLearner(problem, network, settings, seed=seed)
     learner.step()  # compiles
     rows: list[Row] = []

@@ -20,7 +20,7 @@ from swimmer_mj.integrators import rk4_step
 from swimmer_mj.learning.networks.batched import BLOCK, BatchedNetwork
 from swimmer_mj.learning.networks.networks import ValueNetwork
 from swimmer_mj.learning.problems.differentiable import require_torch
-from swimmer_mj.learning.problems.forms import BatchForm, TorchForm
+from swimmer_mj.learning.problems.forms import BatchForm, HoldForm, TorchForm
 from swimmer_mj.learning.problems.held import Slope
 from swimmer_mj.learning.problems.problem import ControlProblem
 
@@ -103,7 +103,7 @@ class BatchActor:
         form = problem.form(BatchForm)
         if form is None:
             raise TypeError(f"problem {problem.name!r} is not compiled for batches of trajectories")
-        self.form = form
+        self.form, self.hold = form, problem.form(HoldForm)
         self.p, self.q, self.m = problem.state_size, len(problem.control_limits), problem.n_inputs
         self.network = BatchedNetwork(network, form.encoding, self.p)
         self.real: Any = np.float32 if self.network.dtype == torch.float32 else np.float64
@@ -119,14 +119,16 @@ class BatchActor:
         """dV/dx (p, N) of x (p, N)."""
 
         def slope(x: Array) -> Array:
-            dVdx, N = np.empty_like(x), x.shape[1]
-            self.network.judge(weights, x, np.empty((self.m, N), self.real), np.empty(N), dVdx)
-            return dVdx
+            state, z, V, dVdx, _, _ = self._padded(x.T)
+            self.network.judge(weights, state, z, V, dVdx)
+            return dVdx[:, : x.shape[1]]
 
         return slope
 
     def control(self, weights: Tensor, x: Array) -> Array:
         """As in :class:`Actor`."""
+        if self.hold is not None:  # its steps are dear: none for padding
+            return self.hold.choose(self.slope_at(weights), x)
         state, z, V, dVdx, u, flips = self._padded(x)
         self.network.judge(weights, state, z, V, dVdx)
         self.form.greedy_step(self.slope_at(weights), state, dVdx, flips, 0.0, u, state)
