@@ -2,7 +2,8 @@
 
     python benchmarks/jacobian_cost.py
 
-Chains of hinges in a fluid, 2 to 30 degrees of freedom. ``mj_step`` is a loop in compiled code; a pull-back is what a
+Chains of hinges in a fluid, 2 to 30 degrees of freedom. ``mj_step`` is a loop in compiled code, by Euler's method and,
+as a learner steps a model in a fluid, by ``implicitfast``; a pull-back is what a
 learner of value gradients needs of a state: the costate before a step from that after it, by forward differences of
 MuJoCo's step. Prints a table and writes benchmarks/results/jacobian-cost.json. All rates of a chain take turns in one
 process, and the highest of several repetitions counts.
@@ -25,7 +26,7 @@ from swimmer_mj.learning.problems.mujoco import MujocoProblem
 
 OUT = Path(__file__).parent / "results" / "jacobian-cost.json"
 DEGREES = (2, 3, 5, 8, 12, 20, 30)
-TRAJECTORIES, STEPS, REPEATS, DT = 64, 5, 7, 0.005
+TRAJECTORIES, STEPS, REPEATS, DT = 64, 5, 3, 0.005
 
 
 def chain(n: int) -> str:
@@ -51,6 +52,11 @@ def rates(n: int) -> dict[str, float]:
     data = mujoco.MjData(model)
     data.qvel[:] = rng.uniform(-1, 1, n)
     work["mj_step"] = 2000, lambda: mujoco.mj_step(model, data, 2000)
+    implicit = mujoco.MjModel.from_xml_string(chain(n))
+    implicit.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    its_data = mujoco.MjData(implicit)
+    its_data.qvel[:] = data.qvel
+    work["implicit_step"] = 2000, lambda: mujoco.mj_step(implicit, its_data, 2000)
     for threads in (1, 2):
         problem = MujocoProblem(
             chain(n), lambda scene: scene.qvel[:, 0], control_cost=[0.1] * n, threads=threads, without=()
@@ -79,13 +85,16 @@ def rates(n: int) -> dict[str, float]:
 def main() -> None:
     """Print the table and write the log."""
     console, rows = Console(), []
-    table = Table("degrees of freedom", "mj_step /s", "states /s, 1 thread", "2 threads", "mj_steps a state")
+    table = Table(
+        "degrees of freedom", "mj_step /s", "implicit /s", "states /s, 1 thread", "2 threads", "steps a state"
+    )
     for n in DEGREES:
         found = rates(n)
         rows.append({"degrees": n, **found})
         one, two = found["pull_back_1"], found["pull_back_2"]
+        step, implicit = found["mj_step"], found["implicit_step"]
         table.add_row(
-            str(n), f"{found['mj_step']:,.0f}", f"{one:,.0f}", f"{two:,.0f}", f"{found['mj_step'] / one:.1f}"
+            str(n), *(f"{rate:,.0f}" for rate in (step, implicit, one, two)), f"{implicit / one:.1f}"
         )
     console.print(table)
     OUT.parent.mkdir(exist_ok=True)

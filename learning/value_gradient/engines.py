@@ -33,11 +33,11 @@ WILD = 10.0
 def stand_ins(z: Array) -> NDArray[np.int64]:
     """Of N trajectories, which one is learned from in each one's place: itself, but where it has become wild.
 
-    ``z`` (T + 1, m, N) are the network's inputs on them. Where more than half are wild nothing helps, and they stay.
+    ``z`` (T + 1, m, N) are the network's inputs on them. Where less than a quarter are tame nothing helps, and all stay.
     """
     own = np.arange(z.shape[-1])
     tame = own[np.abs(z).max(axis=(0, 1), initial=0.0) < WILD]  # which NaN is not
-    if tame.size == own.size or 2 * tame.size < own.size:
+    if tame.size == own.size or 4 * tame.size < own.size:
         return own
     instead = tame[own % tame.size]
     instead[tame] = tame

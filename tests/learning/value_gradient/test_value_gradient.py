@@ -421,7 +421,7 @@ def test_stand_ins_are_tame_and_the_same_number_of_times():
     z = np.zeros((3, 2, 6))
     z[1, 0, 2], z[2, 1, 3] = np.nan, -1e3
     assert stand_ins(z).tolist() == [0, 1, 4, 5, 4, 5]
-    z[0, 0, :3] = np.inf  # four of six: nothing would be left to learn from
+    z[0, 0, :5] = np.inf  # five of six: nothing would be left to learn from
     assert stand_ins(z).tolist() == list(range(6))
 
 
