@@ -33,7 +33,7 @@ WILD = 10.0
 def stand_ins(z: Array) -> NDArray[np.int64]:
     """Of N trajectories, which one is learned from in each one's place: itself, but where it has become wild.
 
-    ``z`` (T + 1, m, N) are the network's inputs on them. Where less than a quarter are tame nothing helps, and all stay.
+    ``z`` (T + 1, m, N) are the network's inputs on them. With less than a quarter tame nothing helps, and all stay.
     """
     own = np.arange(z.shape[-1])
     tame = own[np.abs(z).max(axis=(0, 1), initial=0.0) < WILD]  # which NaN is not
