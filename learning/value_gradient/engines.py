@@ -27,16 +27,23 @@ Array = NDArray[np.float64]
 
 
 WILD = 10.0
-"""Network inputs are of order one: a trajectory on which one is larger than this has left what can be learned."""
+"""Times 1, or what an input is at initial states if that is more: beyond it there is nothing to learn from."""
 
 
-def stand_ins(z: Array) -> NDArray[np.int64]:
+def input_bounds(problem: ControlProblem) -> Array:
+    """How large each input of the network, (m,), may be on a trajectory that is learned from."""
+    sample = torch.from_numpy(problem.initial_states(np.random.default_rng(0), 256)).double()
+    return WILD * problem.inputs(sample).square().mean(dim=0).sqrt().clamp(min=1.0).numpy()
+
+
+def stand_ins(z: Array, bounds: Array) -> NDArray[np.int64]:
     """Of N trajectories, which one is learned from in each one's place: itself, but where it has become wild.
 
-    ``z`` (T + 1, m, N) are the network's inputs on them. With less than a quarter tame nothing helps, and all stay.
+    ``z`` (T + 1, m, N) are the network's inputs on them, ``bounds`` (m,) those of :func:`input_bounds`. With less than
+    a quarter tame nothing helps, and all stay.
     """
     own = np.arange(z.shape[-1])
-    tame = own[np.abs(z).max(axis=(0, 1), initial=0.0) < WILD]  # which NaN is not
+    tame = own[(np.abs(z) < bounds[:, None]).all(axis=(0, 1))]  # which NaN is not
     if tame.size == own.size or 4 * tame.size < own.size:
         return own
     instead = tame[own % tame.size]
@@ -95,7 +102,7 @@ class _TorchEngine(TorchActor):
         self, problem: ControlProblem, network: ValueNetwork, settings: ValueGradientSettings
     ) -> None:
         super().__init__(problem, network)
-        self.settings = settings
+        self.settings, self.bounds = settings, input_bounds(problem)
         self.slope_weights = _slope_weights(problem, settings.slope_weight).to(self.parameters[0])
 
     def collect(self, weights: Tensor, x: Array, flips: Array) -> tuple[Batch, Array]:
@@ -113,7 +120,7 @@ class _TorchEngine(TorchActor):
                 controls.append(self.greedy(state, slopes[-1]) * flip[t])
                 state = transition(form, state, controls[-1], dt)
         z = torch.stack([self.problem.inputs(x) for x in states]).transpose(1, 2).cpu().numpy()
-        instead = stand_ins(z)
+        instead = stand_ins(z, self.bounds)
         wild = torch.from_numpy(instead != np.arange(len(instead))).to(self.device)
         if bool(wild.any()):
             order = torch.from_numpy(instead).to(self.device)
@@ -166,7 +173,7 @@ class _CompiledEngine(BatchActor):
         self, problem: ControlProblem, network: ValueNetwork, settings: ValueGradientSettings
     ) -> None:
         super().__init__(problem, network)
-        self.settings = settings
+        self.settings, self.bounds = settings, input_bounds(problem)
         self.s_gamma = problem.s_gamma
         self.slope_weights = _slope_weights(problem, settings.slope_weight).numpy().astype(self.real)
 
@@ -181,7 +188,7 @@ class _CompiledEngine(BatchActor):
             self.network.judge(weights, X[t], z[t], V[t], dVdx[t])
             if t < T:
                 self.form.greedy_step(slope_at, X[t], dVdx[t], flip[t], settings.dt, U[t], X[t + 1])
-        instead = stand_ins(z)
+        instead = stand_ins(z, self.bounds)
         wild = instead != np.arange(N)
         if wild.any():
             X, U, z, V, dVdx = (np.ascontiguousarray(y[..., instead]) for y in (X, U, z, V, dVdx))

@@ -23,7 +23,7 @@ from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.problem import discount_shares
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint, save_checkpoint
-from swimmer_mj.learning.value_gradient.engines import stand_ins
+from swimmer_mj.learning.value_gradient.engines import input_bounds, stand_ins
 from swimmer_mj.learning.value_gradient.equations import targets, value_and_gradient_loss
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
@@ -419,10 +419,18 @@ def test_a_trajectory_that_runs_away_is_left_alone_and_begins_anew():
 
 def test_stand_ins_are_tame_and_the_same_number_of_times():
     z = np.zeros((3, 2, 6))
-    z[1, 0, 2], z[2, 1, 3] = np.nan, -1e3
-    assert stand_ins(z).tolist() == [0, 1, 4, 5, 4, 5]
+    z[1, 0, 2], z[2, 1, 3], z[0, 1, 0] = np.nan, -200.0, 99.0
+    bounds = np.array([10.0, 100.0])
+    assert stand_ins(z, bounds).tolist() == [0, 1, 4, 5, 4, 5]
     z[0, 0, :5] = np.inf  # five of six: nothing would be left to learn from
-    assert stand_ins(z).tolist() == list(range(6))
+    assert stand_ins(z, bounds).tolist() == list(range(6))
+
+
+def test_what_is_large_from_the_start_is_not_wild():
+    """An own problem's inputs need not be of order one."""
+    far = dataclasses.replace(run_to_the_middle(), draw=lambda rng, count: rng.uniform(400, 500, (count, 1)))
+    assert input_bounds(far)[0] == pytest.approx(10 * 450, rel=0.02)
+    assert input_bounds(run_to_the_middle())[0] == pytest.approx(10 * 4 / math.sqrt(12), rel=0.1)
 
 
 def test_says_what_is_not_finite():
