@@ -204,7 +204,13 @@ TASKS: dict[str, Task] = {
     "reacher/hard": Task(
         _reacher(0.015), learned=_reacher_learned(0.015), draw=_reach_anywhere, goal=_target
     ),
-    "acrobot/swingup": Task(_acrobot, learned=_acrobot_learned, draw=_acrobot_anywhere, s_gamma=0.2),
+    "acrobot/swingup": Task(
+        _acrobot,
+        learned=_acrobot_learned,
+        draw=_acrobot_anywhere,
+        s_gamma=0.2,
+        advice={"steps": 50, "s_lambda": 2.0, "trial_duration": 8.0},
+    ),
     "swimmer/swimmer6": _SWIMMER,
     "swimmer/swimmer15": _SWIMMER,
 }
