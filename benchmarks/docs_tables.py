@@ -62,6 +62,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "own-models": model_tables.own_models,
     "swimmer-as-mjcf": model_tables.swimmer_as_mjcf,
     "reacher-bound": model_tables.reacher_bound,
+    "linear-policies": model_tables.linear_policies,
     "jacobian-cost": model_tables.jacobian_cost,
     "cluster-scale": tables.cluster_scale,
     "run-cost": tables.run_cost,

@@ -12,7 +12,15 @@ import numpy as np
 from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments.summaries import Summary
 
-__all__ = ["any_model", "jacobian_cost", "own_models", "published", "reacher_bound", "swimmer_as_mjcf"]
+__all__ = [
+    "any_model",
+    "jacobian_cost",
+    "linear_policies",
+    "own_models",
+    "published",
+    "reacher_bound",
+    "swimmer_as_mjcf",
+]
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -115,6 +123,29 @@ def _by_time(
         worst = f"{values.min():{digits}}"
         table.append((who, str(len(mine)), f"{seconds:.0f}", mean_and_interval_text(values, digits), worst))
     return Summary("", head, table)
+
+
+def linear_policies() -> Summary:
+    """Return of linear feedbacks in thirty episodes that they were not searched in, by task."""
+    kept: dict[str, list[float]] = {}
+    seconds: dict[str, float] = {}
+    for row in _rows("linear-policies.csv"):
+        if row["look"] == "best":
+            kept.setdefault(row["task"], []).append(float(row["return_mean"]))
+        else:
+            seconds[row["task"]] = max(seconds.get(row["task"], 0.0), float(row["cpu_seconds"]))
+    head = ("task, by a linear feedback", "seeds", "seconds of a core", "return", "worst seed")
+    rows = [
+        (
+            f"`{task}`",
+            str(len(returns)),
+            f"{seconds[task]:.0f}",
+            mean_and_interval_text(np.array(returns), ".0f"),
+            f"{min(returns):.0f}",
+        )
+        for task, returns in kept.items()
+    ]
+    return Summary("", head, rows)
 
 
 def reacher_bound() -> Summary:

@@ -84,8 +84,10 @@ class Engine(Actor, Protocol):
 def _slope_weights(problem: ControlProblem, w: float) -> Tensor:
     """w S_i^2, shape (p,): S_i = 1 / |dz/dx_i|, over a sample of initial states; 0 where x_i does not move z there."""
     sample = torch.from_numpy(problem.initial_states(np.random.default_rng(0), 256)).double()
-    jacobian = torch.func.vmap(torch.func.jacrev(problem.inputs))(sample)
-    squared = jacobian.square().sum(dim=1).mean(dim=0)
+    with torch.enable_grad():  # not torch.func.jacrev, whose first call takes seconds of imports
+        z = problem.inputs(sample.requires_grad_())
+        slopes = [torch.autograd.grad(one.sum(), sample, retain_graph=True)[0] for one in z.unbind(dim=1)]
+    squared = torch.stack(slopes).square().sum(dim=0).mean(dim=0)
     if not bool(torch.isfinite(squared).all()):
         raise ValueError(
             f"{problem.name}: the derivatives of the network's inputs are not finite at some initial state"
