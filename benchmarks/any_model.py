@@ -11,7 +11,6 @@ counted. Needs the extra ``gymnasium``. The seeds from 100 on were used for noth
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,7 +20,7 @@ import torch
 import tyro
 from numpy.typing import NDArray
 from rich.console import Console
-from yardstick import Clock
+from yardstick import Clock, Row, append, finished
 
 from swimmer_mj.cli.training import configured
 from swimmer_mj.learning.problems.mujoco.task import MujocoTask
@@ -48,7 +47,7 @@ FRESH = range(1000, 1030)
 FIRST_LOOK, GROWTH = 5.0, 1.5  # s, and of the time from look to look
 
 
-def learn(task: str, seed: int, seconds: float, console: Console) -> list[tuple[str | int, ...]]:
+def learn(task: str, seed: int, seconds: float, console: Console) -> list[Row]:
     """A row for each look at one learner."""
     config = configured(task, "value-gradient", {}, 1)
     method = config.method
@@ -57,7 +56,7 @@ def learn(task: str, seed: int, seconds: float, console: Console) -> list[tuple[
     learning = method.start(problem, seed)
     learner = learning.learner
     learner.step()  # compiles
-    rows: list[tuple[str | int, ...]] = []
+    rows: list[Row] = []
     best, best_return, best_time = learner.policy(), -np.inf, 0.0
 
     def row(look: str, at: float, returns: NDArray[np.float64]) -> None:
@@ -65,7 +64,7 @@ def learn(task: str, seed: int, seconds: float, console: Console) -> list[tuple[
         rows.append((task, seed, look, f"{at:.1f}", learner.simulation_steps, *numbers))
         console.print(*rows[-1])
 
-    look, clock = FIRST_LOOK, Clock()
+    look, clock = min(FIRST_LOOK, seconds), Clock()
     while True:
         learner.step()
         processor, _ = clock.read()
@@ -101,17 +100,10 @@ def main(
     os.environ.setdefault("MUJOCO_GL", "osmesa")
     torch.set_num_threads(1)
     console = Console(highlight=False)
-    if not out.exists():
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(",".join(COLUMNS) + "\n")
     for seed in seeds:
         for task in tasks:
-            with out.open(newline="") as file:
-                if any(row["task"] == task and int(row["seed"]) == seed for row in csv.DictReader(file)):
-                    continue
-            rows = learn(task, seed, seconds, console)
-            with out.open("a", newline="") as file:
-                csv.writer(file, lineterminator="\n").writerows(rows)
+            if (task, seed) not in finished(out, COLUMNS):
+                append(out, learn(task, seed, seconds, console))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ seed that is there already is not searched again. Needs the extra ``gymnasium``.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ import tyro
 from any_model import COLUMNS, FIRST_LOOK, FRESH, GROWTH, LOOKED_AT
 from numpy.typing import NDArray
 from rich.console import Console
-from yardstick import Clock
+from yardstick import Clock, Row, append, finished
 
 OUT = Path(__file__).parent / "results" / "linear-policies.csv"
 POPULATION, ELITE = 40, 8
@@ -44,7 +43,13 @@ def play(env: gymnasium.Env[Any, Any], K: Array, seed: int | None = None) -> tup
     return total, steps
 
 
-def search(name: str, seed: int, seconds: float, console: Console) -> list[tuple[str | int, ...]]:
+def refit(gains: Array, returns: Array, least: float) -> tuple[Array, Array]:
+    """Mean and deviation of the ELITE of gains (POPULATION, q, m + 1), ``least`` added to the deviation."""
+    elite = gains[np.argsort(-returns)[:ELITE]]
+    return elite.mean(axis=0), elite.std(axis=0) + least
+
+
+def search(name: str, seed: int, seconds: float, console: Console) -> list[Row]:
     """A row for each look at the law's mean."""
     env = gymnasium.make(name)
     assert env.observation_space.shape is not None
@@ -53,7 +58,7 @@ def search(name: str, seed: int, seconds: float, console: Console) -> list[tuple
     mean = np.zeros((env.action_space.shape[0], env.observation_space.shape[0] + 1))
     deviation, least = np.ones_like(mean), LEAST_DEVIATION
     env.reset(seed=seed)
-    rows: list[tuple[str | int, ...]] = []
+    rows: list[Row] = []
     best, best_return, best_time, steps = mean, -np.inf, 0.0, 0
 
     def row(kind: str, at: float, K: Array, seeds: Iterable[int]) -> float:
@@ -63,13 +68,12 @@ def search(name: str, seed: int, seconds: float, console: Console) -> list[tuple
         console.print(*rows[-1])
         return float(returns.mean())
 
-    look, clock = FIRST_LOOK, Clock()
+    look, clock = min(FIRST_LOOK, seconds), Clock()
     while True:
         gains = mean + deviation * rng.normal(size=(POPULATION, *mean.shape))
         played = [play(env, K) for K in gains]
         steps += sum(taken for _, taken in played)
-        elite = gains[np.argsort([-total for total, _ in played])[:ELITE]]
-        mean, deviation = elite.mean(axis=0), elite.std(axis=0) + least
+        mean, deviation = refit(gains, np.array([total for total, _ in played]), least)
         least *= SHRINKS_TO
         processor, _ = clock.read()
         if processor < look:
@@ -100,18 +104,10 @@ def main(
         out: The table that rows are added to.
     """
     console = Console(highlight=False)
-    if not out.exists():
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(",".join(COLUMNS) + "\n")
     for seed in seeds:
         for name in tasks:
-            with out.open(newline="") as file:
-                done = {(row["task"], int(row["seed"])) for row in csv.DictReader(file)}
-            if (f"gymnasium/{name}", seed) in done:
-                continue
-            rows = search(name, seed, seconds, console)
-            with out.open("a", newline="") as file:
-                csv.writer(file, lineterminator="\n").writerows(rows)
+            if (f"gymnasium/{name}", seed) not in finished(out, COLUMNS):
+                append(out, search(name, seed, seconds, console))
 
 
 if __name__ == "__main__":

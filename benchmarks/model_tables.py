@@ -33,22 +33,26 @@ def _rows(name: str) -> list[dict[str, str]]:
 def published() -> dict[str, list[tuple[str, float]]]:
     """Returns that others have published, by task: (learner, mean return), the best first."""
     found: dict[str, list[tuple[str, float]]] = {}
-    with (RESULTS / "published-returns.csv").open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            found.setdefault(row["task"], []).append((row["learner"], float(row["return"])))
+    for row in _rows("published-returns.csv"):
+        found.setdefault(row["task"], []).append((row["learner"], float(row["return"])))
     return {task: sorted(rows, key=lambda row: -row[1]) for task, rows in found.items()}
+
+
+def _kept(name: str) -> tuple[dict[str, list[float]], dict[str, float]]:
+    """By task: each seed's return with what its best look kept, and the longest time that was looked after, s."""
+    kept: dict[str, list[float]] = {}
+    seconds: dict[str, float] = {}
+    for row in _rows(name):
+        if row["look"] == "best":
+            kept.setdefault(row["task"], []).append(float(row["return_mean"]))
+        else:
+            seconds[row["task"]] = max(seconds.get(row["task"], 0.0), float(row["cpu_seconds"]))
+    return kept, seconds
 
 
 def any_model() -> Summary:
     """Return of what each seed's best look kept, in thirty other episodes, beside what others have published."""
-    kept: dict[str, list[float]] = {}
-    seconds: dict[str, float] = {}
-    with (RESULTS / "any-model.csv").open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            if row["look"] == "best":
-                kept.setdefault(row["task"], []).append(float(row["return_mean"]))
-            else:
-                seconds[row["task"]] = max(seconds.get(row["task"], 0.0), float(row["cpu_seconds"]))
+    kept, seconds = _kept("any-model.csv")
     others, rows = published(), []
     for task, returns in kept.items():
         values = np.array(returns)
@@ -127,13 +131,7 @@ def _by_time(
 
 def linear_policies() -> Summary:
     """Return of linear feedbacks in thirty episodes that they were not searched in, by task."""
-    kept: dict[str, list[float]] = {}
-    seconds: dict[str, float] = {}
-    for row in _rows("linear-policies.csv"):
-        if row["look"] == "best":
-            kept.setdefault(row["task"], []).append(float(row["return_mean"]))
-        else:
-            seconds[row["task"]] = max(seconds.get(row["task"], 0.0), float(row["cpu_seconds"]))
+    kept, seconds = _kept("linear-policies.csv")
     head = ("task, by a linear feedback", "seeds", "seconds of a core", "return", "worst seed")
     rows = [
         (

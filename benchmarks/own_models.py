@@ -9,7 +9,6 @@ last second is spent at the goal, and the mean distance in it. A seed that is th
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -22,7 +21,7 @@ import tyro
 from numpy.typing import NDArray
 from rich.console import Console
 from torch import Tensor
-from yardstick import Clock
+from yardstick import Clock, Row, append, finished
 
 from swimmer_mj.learning.networks.networks import Multilayer
 from swimmer_mj.learning.problems.mujoco import MujocoProblem
@@ -142,7 +141,7 @@ def judge(problem: MujocoProblem, own: OwnModel, act: Callable[[Array], Array]) 
     return np.array(seen).T
 
 
-def learn(name: str, seed: int, seconds: float, console: Console) -> list[tuple[str | int, ...]]:
+def learn(name: str, seed: int, seconds: float, console: Console) -> list[Row]:
     """A row for each look at one learner."""
     own = MODELS[name]
     model = mujoco.MjModel.from_xml_path(str(HERE / "models" / f"{name}.xml"))
@@ -161,8 +160,8 @@ def learn(name: str, seed: int, seconds: float, console: Console) -> list[tuple[
         problem, network, ValueGradientSettings(**{**ADVICE, **own.settings}), seed=seed
     )
     learner.step()  # compiles
-    rows: list[tuple[str | int, ...]] = []
-    look, clock = FIRST_LOOK, Clock()
+    rows: list[Row] = []
+    look, clock = min(FIRST_LOOK, seconds), Clock()
     while True:
         learner.step()
         processor, _ = clock.read()
@@ -195,17 +194,10 @@ def main(
     """
     torch.set_num_threads(1)
     console = Console(highlight=False)
-    if not out.exists():
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(",".join(COLUMNS) + "\n")
     for seed in seeds:
         for name in names:
-            with out.open(newline="") as file:
-                if any(row["model"] == name and int(row["seed"]) == seed for row in csv.DictReader(file)):
-                    continue
-            rows = learn(name, seed, seconds, console)
-            with out.open("a", newline="") as file:
-                csv.writer(file, lineterminator="\n").writerows(rows)
+            if (name, seed) not in finished(out, COLUMNS):
+                append(out, learn(name, seed, seconds, console))
 
 
 if __name__ == "__main__":

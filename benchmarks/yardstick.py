@@ -56,13 +56,13 @@ class Clock:
         self.before = self.read()
 
 
-def finished(out: Path) -> set[tuple[str, int]]:
-    """The learners (algorithm, seed) that ``out`` has already; an empty table is made where there is none."""
+def finished(out: Path, columns: tuple[str, ...] = COLUMNS) -> set[tuple[str, int]]:
+    """What ``out`` has already, (the first column, seed); an empty table is made where there is none."""
     if not out.exists():
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(",".join(COLUMNS) + "\n")
+        out.write_text(",".join(columns) + "\n")
     with out.open(newline="") as file:
-        return {(row["algorithm"], int(row["seed"])) for row in csv.DictReader(file)}
+        return {(row[columns[0]], int(row["seed"])) for row in csv.DictReader(file)}
 
 
 def append(out: Path, rows: Iterable[Row]) -> None:

@@ -30,10 +30,14 @@ WILD = 10.0
 """Times 1, or what an input is at initial states if that is more: beyond it there is nothing to learn from."""
 
 
+def _sample(problem: ControlProblem) -> Tensor:
+    """256 initial states, always the same, (256, p)."""
+    return torch.from_numpy(problem.initial_states(np.random.default_rng(0), 256)).double()
+
+
 def input_bounds(problem: ControlProblem) -> Array:
     """How large each input of the network, (m,), may be on a trajectory that is learned from."""
-    sample = torch.from_numpy(problem.initial_states(np.random.default_rng(0), 256)).double()
-    return WILD * problem.inputs(sample).square().mean(dim=0).sqrt().clamp(min=1.0).numpy()
+    return WILD * problem.inputs(_sample(problem)).square().mean(dim=0).sqrt().clamp(min=1.0).numpy()
 
 
 def stand_ins(z: Array, bounds: Array) -> NDArray[np.int64]:
@@ -83,7 +87,7 @@ class Engine(Actor, Protocol):
 
 def _slope_weights(problem: ControlProblem, w: float) -> Tensor:
     """w S_i^2, shape (p,): S_i = 1 / |dz/dx_i|, over a sample of initial states; 0 where x_i does not move z there."""
-    sample = torch.from_numpy(problem.initial_states(np.random.default_rng(0), 256)).double()
+    sample = _sample(problem)
     with torch.enable_grad():  # not torch.func.jacrev, whose first call takes seconds of imports
         z = problem.inputs(sample.requires_grad_())
         slopes = [torch.autograd.grad(one.sum(), sample, retain_graph=True)[0] for one in z.unbind(dim=1)]
