@@ -91,7 +91,7 @@ def _standing(trajectory: Trajectory, stroke: Stroke) -> Array:
 def _draw_poses(axes: Axes, places: Array, times: Array) -> None:
     """Poses in a row, each with its time below."""
     bottom, top = float(places[..., 1].min()), float(places[..., 1].max())
-    margin = 0.12 * (top - bottom)
+    margin = max(0.12 * (top - bottom), 0.008 * float(np.ptp(places[..., 0])))  # a stretched chain is flat
     axes.set(
         xlim=(places[..., 0].min() - margin, places[..., 0].max() + margin),
         ylim=(bottom - 2 * margin, top + margin),

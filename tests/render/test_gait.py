@@ -49,6 +49,20 @@ def test_poses_have_one_scale_and_swim_to_the_right(swim):
     assert all(before[1] < after[0] for before, after in itertools.pairwise(spans))
 
 
+def test_heads_are_drawn_whole_however_flat_the_poses(swimming, waves):
+    figure = gait_diagram(swimming(0.1 * waves(PERIOD)))
+    figure.canvas.draw()
+    poses = figure.axes[0]
+    inside = poses.get_window_extent()
+    heads = [line for line in poses.lines if line.get_marker() == "o"]
+    assert len(heads) == POSES
+    for head in heads:
+        radius = head.get_markersize() / 2 * figure.dpi / 72
+        x, y = poses.transData.transform(head.get_xydata()[0])
+        assert inside.x0 <= x - radius < x + radius <= inside.x1
+        assert inside.y0 <= y - radius < y + radius <= inside.y1
+
+
 def test_no_diagram_without_a_stroke(swimming):
     with pytest.raises(NoStrokeError):
         gait_diagram(swimming(np.zeros((300, 2))))
