@@ -16,20 +16,23 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Slope", "held_control"]
+__all__ = ["Slope", "argmax_in_box", "held_control"]
 
 Array = NDArray[np.float64]
 
 Slope = Callable[[Array], Array]
 """dV/dx (p, N) at x (p, N)."""
 
+SWEEPS = 10
+"""Of coordinate ascent, if there is more than one coordinate."""
+
 
 def held_control(slope_at: Slope, coast: Array, gain: Array, limits: Array, price: Array) -> Array:
-    """argmax over abs(u_i) <= limits_i of V(coast + gain u) - sum_i price_i u_i^2, by one secant step from u = 0.
+    """argmax over abs(u_i) <= limits_i of V(coast + gain u) - sum_i price_i u_i^2, by a quadratic model of it.
 
-    The first guess is greedy for the slope at the end of coasting. Where the slope that it leads to says that a control
-    was too much, the share is taken at which the slope in it, were V quadratic, is 0: exact for one control and a
-    quadratic V.
+    The model has the slope in u at u = 0. Its curvature is what the slope changes by where one control after the other
+    goes to the limit to which it points. So V's slope is asked for q + 1 times, and the result is exact for a quadratic
+    V that is concave.
 
     Parameters
     ----------
@@ -48,12 +51,40 @@ def held_control(slope_at: Slope, coast: Array, gain: Array, limits: Array, pric
     -------
     ndarray, shape (q, N)
     """
-    U = limits[:, None]
-    worth = (gain * slope_at(coast)).sum(axis=1)
-    u = U * np.sign(worth)
-    np.divide(worth, 2 * price, out=u, where=price > 0)
-    u = np.clip(u, -U, U)
-    left = (gain * slope_at(coast + (gain * u[:, None]).sum(axis=0))).sum(axis=1) - 2 * price * u
-    share = np.ones_like(u)
-    np.divide(worth, worth - left, out=share, where=worth * left < 0)
-    return share * u
+    q = len(limits)
+    slope = (gain * slope_at(coast)).sum(axis=1)
+    curvature = np.empty((q, *slope.shape))
+    for i in range(q):
+        push = np.where(slope[i] < 0, -limits[i], limits[i])
+        curvature[i] = ((gain * slope_at(coast + gain[i] * push)).sum(axis=1) - slope) / push
+        curvature[i, i] -= 2 * price[i]
+    return argmax_in_box(slope, (curvature + curvature.swapaxes(0, 1)) / 2, limits)
+
+
+def argmax_in_box(slope: Array, curvature: Array, limits: Array) -> Array:
+    """argmax over abs(u_i) <= limits_i of slope . u + u . curvature u / 2, by coordinate ascent from u = 0.
+
+    Exact for one control, and in the limit of many sweeps where the curvature is negative definite; elsewhere a point
+    from which no control alone can improve.
+
+    Parameters
+    ----------
+    slope : ndarray, shape (q, N)
+    curvature : ndarray, shape (q, q, N)
+        Symmetric.
+    limits : ndarray, shape (q,)
+        U.
+
+    Returns
+    -------
+    ndarray, shape (q, N)
+    """
+    q, u = len(limits), np.zeros_like(slope)
+    for _ in range(SWEEPS if q > 1 else 1):
+        for i, U in enumerate(limits):
+            bend = curvature[i, i]
+            rest = slope[i] + (curvature[i] * u).sum(axis=0) - bend * u[i]
+            best = U * np.sign(rest)
+            np.divide(rest, -bend, out=best, where=bend < 0)
+            u[i] = np.clip(best, -U, U)
+    return u

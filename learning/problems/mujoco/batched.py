@@ -142,30 +142,29 @@ class MujocoBatch:
         """How many of the model's own steps fit into ``duration``, at least 1."""
         return max(1, round(duration / self._timestep))
 
-    def responses(self, x: Array, duration: float, own: bool) -> tuple[Array, Array]:
+    def responses(self, x: Array, duration: float) -> tuple[Array, Array]:
         """Where x (p, N) comes to without control, (p, N), and what a held unit of each adds, (q, p, N).
 
-        By one learner's step, or by the model's ``own``.
+        By one learner's step: V is that of its dynamics.
         """
-        sims, steps = (self._actor, self._own_steps(duration)) if own else (self._learner, 0)
-        fn, co, ac = sims.functions, self._co, self._ac
+        fn, co, ac = self._learner.functions, self._co, self._ac
         coast, gain = np.empty_like(x), np.empty((ac.limits.size, *x.shape))
 
         def work(sim: Simulation, readings: Readings, first: int, last: int) -> None:
-            kernel.respond(fn, sim, co, ac, x, steps, first, last, coast, gain)
+            kernel.respond(fn, sim, co, ac, x, first, last, coast, gain)
 
-        sims.run(work, x.shape[1], duration / max(1, steps))
+        self._learner.run(work, x.shape[1], duration)
         return coast, gain
 
     def control(self, slope_at: Slope, x: Array) -> Array:
         """Greedy u (q, N) of a policy at x (p, N), held for a control timestep."""
-        return self._chosen(slope_at, x, slope_at(x), self._control_timestep, own=True)
+        return self._chosen(slope_at, x, slope_at(x), self._control_timestep)
 
-    def _chosen(self, slope_at: Slope, x: Array, dVdx: Array, hold: float, own: bool) -> Array:
+    def _chosen(self, slope_at: Slope, x: Array, dVdx: Array, hold: float) -> Array:
         """Greedy u (q, N)."""
         cost = self._costs(x)
         if self.held:
-            coast, gain = self.responses(x, hold, own)
+            coast, gain = self.responses(x, hold)
             price = hold * math.exp(self._s_gamma * hold) * cost
             return held_control(slope_at, coast, gain, self._ac.limits, price)
         fn, co, ac, u = self._learner.functions, self._co, self._ac, np.empty((len(cost), x.shape[1]))
@@ -181,16 +180,16 @@ class MujocoBatch:
     ) -> None:
         """Greedy u (q, N) times ``flips``, and y (p, N) after a learner's step if dt > 0; y may be x."""
         if dt == 0:
-            u[:] = flips * self._chosen(slope_at, x, dVdx, self._control_timestep, own=True)
+            u[:] = flips * self._chosen(slope_at, x, dVdx, self._control_timestep)
             return
-        u[:] = flips * self._chosen(slope_at, x, dVdx, dt, own=False)
+        u[:] = flips * self._chosen(slope_at, x, dVdx, dt)
         self._move(self._learner, x, u, dt, 0, y)
 
     def greedy_act(
         self, slope_at: Slope, x: Array, dVdx: Array, flips: Array, dt: float, u: Array, y: Array
     ) -> None:
         """As :meth:`greedy_step`, by the model's own integrator, in steps of its own as far as they fit into dt."""
-        u[:] = flips * self._chosen(slope_at, x, dVdx, dt, own=True)
+        u[:] = flips * self._chosen(slope_at, x, dVdx, dt)
         steps = self._own_steps(dt)
         self._move(self._actor, x, u, dt / steps, steps, y)
 

@@ -296,13 +296,12 @@ def respond(
     co: Coordinates,
     ac: Actuation,
     x: Array,
-    steps: int,
     first: int,
     last: int,
     coast: Array,
     gain: Array,
 ) -> None:
-    """Columns first .. last: where x (p, N) comes to after ``steps`` (see _move), by what is held meanwhile.
+    """Columns first .. last: where x (p, N) comes to after a step, by what is held meanwhile.
 
     ``coast`` (p, N) is filled with the state after controls of 0, ``gain`` (q, p, N) with what a unit of each control
     adds to it. One step is affine in the controls but for quaternions, so that a difference of any size would do.
@@ -312,7 +311,7 @@ def respond(
         now[:] = x[:, n]
         _set(sim, co, now)
         _rest(sim, ac)
-        _move(fn, sim, steps, NONE)
+        _move(fn, sim, 0, NONE)
         _get(sim, co, now)
         coast[:, n] = now
         for k in range(gain.shape[0]):
@@ -320,7 +319,7 @@ def respond(
             _set(sim, co, now)
             small = PUSH * ac.limits[k]
             _hold(sim, ac, k, small)
-            _move(fn, sim, steps, VELOCITY)  # positions and velocities are as they were
+            _move(fn, sim, 0, VELOCITY)  # positions and velocities are as they were
             _hold(sim, ac, k, 0.0)
             _get(sim, co, now)
             gain[k, :, n] = (now - coast[:, n]) / small

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from swimmer_mj.learning.problems.held import held_control
 
@@ -43,8 +44,37 @@ def test_a_control_that_cannot_overstep_is_bang_bang():
     np.testing.assert_array_equal(u, limits[:, None] * np.sign((gain * slope).sum(axis=1)))
 
 
-def test_several_controls_of_a_quadratic_value_are_not_worse_than_bang_bang():
-    """Two controls that push the same coordinate: together they would overstep twice as far."""
+def test_several_controls_that_push_the_same_coordinate_do_not_overstep_together():
     coast, gain = np.full((1, 1), -0.1), np.ones((2, 1, 1))
     u = held_control(bowl(np.zeros(1), np.ones(1)), coast, gain, np.ones(2), np.zeros((2, 1)))
-    np.testing.assert_allclose(u, 0.05)
+    np.testing.assert_allclose(u.sum(), 0.1)
+
+
+def test_several_controls_of_a_quadratic_value_are_as_a_solver_finds_them():
+    """Three controls of three coordinates, V quadratic and not along the axes; some are at their limits, some inside."""
+    rng = np.random.default_rng(3)
+    limits, price = np.array([0.5, 1.0, 2.0]), np.array([0.1, 0.0, 0.3])
+    inside = 0
+    for _ in range(30):
+        root, coast, gain = rng.normal(size=(3, 3)), rng.normal(size=3), np.eye(3) + 0.3 * rng.normal(size=(3, 3))
+        bowl_at = root @ root.T + np.eye(3)
+
+        def loss(u, bowl_at=bowl_at, coast=coast, gain=gain):
+            y = coast + u @ gain
+            return y @ bowl_at @ y / 2 + price @ u**2
+
+        u = held_control(
+            lambda x, bowl_at=bowl_at: -bowl_at @ x, coast[:, None], gain[:, :, None], limits, price[:, None]
+        )[:, 0]
+        best = minimize(loss, np.zeros(3), bounds=[(-U, U) for U in limits]).fun
+        assert loss(u) - best < 0.01 * (loss(np.zeros(3)) - best)
+        inside += np.count_nonzero(np.abs(u) < limits)
+    assert 20 < inside < 70
+
+
+def test_where_value_has_no_top_the_better_limit_is_taken():
+    """A saddle: V = x^2 - y^2 with a control for each."""
+    coast, gain = np.array([[0.1], [0.2]]), np.eye(2)[:, :, None]
+    saddle = np.array([[2.0], [-2.0]])
+    u = held_control(lambda x: saddle * x, coast, gain, np.ones(2), np.zeros((2, 1)))
+    np.testing.assert_allclose(u, [[1.0], [-0.2]])

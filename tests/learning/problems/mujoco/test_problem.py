@@ -224,20 +224,29 @@ def test_a_missing_file_is_named():
 
 
 def test_responses_are_those_of_steps():
-    """Where the arm comes to is affine in the controls: by a learner's step, and nearly by the model's own steps."""
+    """Where the arm comes to in a learner's step is affine in the controls."""
     problem = MujocoProblem(ARM, reach, without=(), control_timestep=0.02)
     rng, batch = np.random.default_rng(3), problem.batch()
     x = np.ascontiguousarray(problem.initial_states(rng, 32).T)
     u = rng.uniform(-1, 1, (2, 32))
-    coast, gain = batch.responses(x, 0.01, own=False)
+    coast, gain = batch.responses(x, 0.01)
     np.testing.assert_allclose(
         coast + (gain * u[:, None]).sum(axis=0), batch.step(x, u, 0.01), rtol=0, atol=1e-9
     )
-    coast, gain = batch.responses(x, 0.02, own=True)
-    y = np.empty_like(x)
-    batch.greedy_act(lambda x: np.ones_like(x), x, np.ones_like(x), np.ones((2, 32)), 0.02, u, y)
-    np.testing.assert_allclose(coast + (gain * u[:, None]).sum(axis=0), y, rtol=0, atol=1e-3)
     assert np.abs(gain[:, -2:]).max() > 0.1
+
+
+def test_a_policy_acts_as_its_learner_did():
+    """V is that of the learner's steps: where those differ from the model's, controls are still chosen by them."""
+    problem = MujocoProblem(ARM, reach, without=(), control_timestep=0.05)  # the model's own steps are of 0.01 s
+    network = Multilayer(problem.n_inputs, (8,), generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    x = problem.initial_states(np.random.default_rng(5), 32)
+    flat, batch = np.ascontiguousarray(x.T), problem.batch()
+    policy = GreedyPolicy(problem, network)
+    u, y = np.empty((2, 32)), np.empty_like(flat)
+    batch.greedy_step(policy._slope_at, flat, policy._slope_at(flat), np.ones((2, 32)), 0.05, u, y)
+    np.testing.assert_array_equal(policy(x), u.T)
+    assert np.abs(y.T - problem.step(x, policy(x), 0.05)).max() == 0
 
 
 def test_a_held_control_oversteps_nothing():
