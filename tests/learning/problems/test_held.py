@@ -51,12 +51,16 @@ def test_several_controls_that_push_the_same_coordinate_do_not_overstep_together
 
 
 def test_several_controls_of_a_quadratic_value_are_as_a_solver_finds_them():
-    """Three controls of three coordinates, V quadratic and not along the axes; some are at their limits, some inside."""
+    """Three controls of three coordinates, V quadratic, not along the axes; some end at their limits."""
     rng = np.random.default_rng(3)
     limits, price = np.array([0.5, 1.0, 2.0]), np.array([0.1, 0.0, 0.3])
     inside = 0
     for _ in range(30):
-        root, coast, gain = rng.normal(size=(3, 3)), rng.normal(size=3), np.eye(3) + 0.3 * rng.normal(size=(3, 3))
+        root, coast, gain = (
+            rng.normal(size=(3, 3)),
+            rng.normal(size=3),
+            np.eye(3) + 0.3 * rng.normal(size=(3, 3)),
+        )
         bowl_at = root @ root.T + np.eye(3)
 
         def loss(u, bowl_at=bowl_at, coast=coast, gain=gain):
