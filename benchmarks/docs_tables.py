@@ -61,6 +61,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "any-model": model_tables.any_model,
     "own-models": model_tables.own_models,
     "swimmer-as-mjcf": model_tables.swimmer_as_mjcf,
+    "swimmer-coordinates": model_tables.swimmer_coordinates,
     "reacher-bound": model_tables.reacher_bound,
     "linear-policies": model_tables.linear_policies,
     "jacobian-cost": model_tables.jacobian_cost,

@@ -20,6 +20,7 @@ __all__ = [
     "published",
     "reacher_bound",
     "swimmer_as_mjcf",
+    "swimmer_coordinates",
 ]
 
 RESULTS = Path(__file__).parent / "results"
@@ -101,6 +102,17 @@ def swimmer_as_mjcf() -> Summary:
         "algorithm",
         lambda row: float(row["speed"]),
         ("swim5 as MJCF", "seeds", "seconds of a core", "speed, m/s", "worst seed"),
+        ".2f",
+    )
+
+
+def swimmer_coordinates() -> Summary:
+    """Swimming speed of value gradients by coordinates, control and processor time."""
+    return _by_time(
+        _rows("swimmer-coordinates.csv"),
+        "algorithm",
+        lambda row: float(row["speed"]),
+        ("V of, control", "seeds", "seconds of a core", "speed, m/s", "worst seed"),
         ".2f",
     )
 
