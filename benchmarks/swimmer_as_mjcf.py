@@ -19,7 +19,7 @@ import tyro
 from numpy.typing import NDArray
 from rich.console import Console
 from torch import Tensor
-from yardstick import Clock, Row, append, finished, row, swimming_speed
+from yardstick import Row, append, finished, looks, row, swimming_speed
 
 from swimmer_mj import state as st
 from swimmer_mj.dynamics import to_qpos_qvel
@@ -81,11 +81,7 @@ def learn(friction: Friction, seed: int, seconds: float, console: Console) -> li
     learner = ValueGradientLearner(problem, network, settings, seed=seed)
     learner.step()  # compiles
     rows: list[Row] = []
-    clock = Clock()
-    for look in (*(at for at in LOOKS if at < seconds), seconds):
-        while clock.read()[0] < look:
-            learner.step()
-        clock.stop()
+    for clock in looks(learner.step, LOOKS, seconds):
         act, limits = learner.policy().acting(), problem.control_limits
 
         def actions(x: Array, act: Callable[[Array], Array] = act, limits: Array = limits) -> Array:
@@ -94,7 +90,6 @@ def learn(friction: Friction, seed: int, seconds: float, console: Console) -> li
         speed = swimming_speed(actions)
         rows.append(row(f"friction by {friction}", seed, clock, learner.simulation_steps, speed))
         console.print(*rows[-1])
-        clock.start()
     return rows
 
 

@@ -1,6 +1,6 @@
 """What decides how fast value gradients swim: in which coordinates V is learned, and how the control is chosen.
 
-    python benchmarks/swimmer_coordinates.py [--names joints ...] [--seeds 120 121 ...] [--seconds 20]
+    python benchmarks/swimmer_coordinates.py [--names "joints, held" ...] [--seeds 120 121 ...] [--seconds 20]
 
 adds to benchmarks/results/swimmer-coordinates.csv, a row a look: value gradients on the compiled equations of the
 5-link swimmer, with V of the built-in problem's state (absolute angles, centre of mass) or of MuJoCo's coordinates
@@ -21,7 +21,7 @@ import tyro
 from numpy.typing import NDArray
 from rich.console import Console
 from torch import Tensor
-from yardstick import CONTROL_TIMESTEP, Clock, Row, append, finished, row, swimming_speed
+from yardstick import CONTROL_TIMESTEP, Row, append, finished, looks, row, swimming_speed
 
 from swimmer_mj.learning.networks.networks import Multilayer
 from swimmer_mj.learning.problems.forms import BatchForm, Encoding
@@ -39,6 +39,9 @@ LOOKS = (5.0, 10.0, 20.0, 40.0)
 
 Array = NDArray[np.float64]
 N = PAPER.n_links
+VELOCITY_SCALES = {False: 1.0, True: 1.7}
+"""Of the velocity of the centre of mass, and of the head, in the network's inputs, s/m: the built-in problem's, and
+what MujocoProblem finds."""
 DIFFERENCES = np.eye(N) - np.eye(N, k=-1)
 SUMS = np.linalg.inv(DIFFERENCES)
 OUTBOARD = np.cumsum(PAPER.masses[::-1])[::-1]
@@ -129,7 +132,7 @@ class ComparedSwimming:
         self.variant, self.swimming = variant, Swimming(s_gamma=S_GAMMA)
         self.control_limits, self.state_size = self.swimming.control_limits, self.swimming.state_size
         k, linear = np.arange(N), np.arange(N, 2 * N + 2)
-        scale = np.array([variant.scale] * N + [1.7 if variant.joints else 1.0] * 2)
+        scale = np.array([variant.scale] * N + [VELOCITY_SCALES[variant.joints]] * 2)
         self.encoding = Encoding(k, k, N + k, linear, N + linear, scale)
         self.n_inputs = 3 * N + 2
         self._workspace, self._constants = workspace(N), reduced_constants(PAPER)
@@ -205,6 +208,7 @@ class ComparedSwimming:
         def reward(x: Array, u: Array) -> Array:
             return form.reward(to_absolute(x) if joints else x, u)
 
+        # Episodes are MuJoCo's: nothing here asks for steps of another integrator.
         return BatchForm(self.encoding, greedy_step, greedy_step, targets, reward)
 
 
@@ -222,15 +226,10 @@ def learn(name: str, seed: int, seconds: float, console: Console) -> list[Row]:
     )
     learner.step()  # compiles
     rows: list[Row] = []
-    clock = Clock()
-    for look in (*(at for at in LOOKS if at < seconds), seconds):
-        while clock.read()[0] < look:
-            learner.step()
-        clock.stop()
+    for clock in looks(learner.step, LOOKS, seconds):
         speed = swimming_speed(actions(problem, learner))
         rows.append(row(name, seed, clock, learner.simulation_steps, speed))
         console.print(*rows[-1])
-        clock.start()
     return rows
 
 

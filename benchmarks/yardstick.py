@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +54,20 @@ class Clock:
     def stop(self) -> None:
         """Stand still."""
         self.before = self.read()
+
+
+def looks(learn: Callable[[], object], times: Sequence[float], seconds: float) -> Iterator[Clock]:
+    """Learn until each of those ``times`` that come before ``seconds``, and then until that; s of the processor.
+
+    The clock, which stands still during a look.
+    """
+    clock = Clock()
+    for look in (*(at for at in times if at < seconds), seconds):
+        while clock.read()[0] < look:
+            learn()
+        clock.stop()
+        yield clock
+        clock.start()
 
 
 def finished(out: Path, columns: tuple[str, ...] = COLUMNS) -> set[tuple[str, int]]:

@@ -30,6 +30,23 @@ def test_the_clock_stands_still_between_stop_and_start(monkeypatch):
     assert clock.read() == (1.5, 4.0)
 
 
+def test_looks_come_when_it_is_time_and_take_none(monkeypatch):
+    """A learner of a second a step, looks of 100 s: at 2 and 5 s, and at the end."""
+    now = {"process_time": 5.0, "perf_counter": 70.0}
+    for name in now:
+        monkeypatch.setattr(time, name, lambda name=name: now[name])
+
+    def passes(seconds):
+        for name in now:
+            now[name] += seconds
+
+    seen = []
+    for clock in yardstick.looks(lambda: passes(1.0), (2.0, 4.5, 9.0), 7.0):
+        passes(100.0)
+        seen.append(clock.before)
+    assert seen == [(2.0, 2.0), (5.0, 5.0), (7.0, 7.0)]
+
+
 def test_swimming_speed_is_that_of_the_library(monkeypatch):
     """Of one policy, by vector environment and by dm_control; of three episodes, to be quick."""
     monkeypatch.setattr(yardstick, "N_EPISODES", 3)
