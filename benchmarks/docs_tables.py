@@ -54,6 +54,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "parts-population": partial(tables.parts, "population"),
     "memory": tables.memory,
     "devices": tables.devices,
+    "device-speeds": tables.device_speeds,
     "gaits": gait_tables.replays,
     "gait-accelerations": gait_tables.accelerations,
     "gait-basins": gait_tables.basins,

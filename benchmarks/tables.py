@@ -258,6 +258,16 @@ def devices() -> Summary:
     return Summary("", ("engine, network", "device", "trajectories", "rounds/s"), rows)
 
 
+def device_speeds() -> Summary:
+    """What was learned in the same time, by device."""
+    table = read_table(RESULTS / "device-speeds.csv")
+    rows = [
+        (str(device), *(f"{speed:.2f}" for speed in table["speed"][table["device"] == device]))
+        for device in dict.fromkeys(table["device"])
+    ]
+    return Summary("", ("device", *(f"seed {s:.0f}" for s in dict.fromkeys(table["seed"]))), rows)
+
+
 def cluster_scale() -> Summary:
     """What the coordinator of a sweep on a Ray cluster has to do, by the number of nodes."""
     measured = json.loads((RESULTS / "cluster-scale.json").read_text(encoding="utf-8"))
