@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from swimmer_mj.learning.problems.held import held_control
+from swimmer_mj.learning.problems.held import held_control, share_of_way
 
 
 def bowl(minimum, curvature):
@@ -82,3 +82,32 @@ def test_where_value_has_no_top_the_better_limit_is_taken():
     saddle = np.array([[2.0], [-2.0]])
     u = held_control(lambda x: saddle * x, coast, gain, np.ones(2), np.zeros((2, 1)))
     np.testing.assert_allclose(u, [[1.0], [-0.2]])
+
+
+@pytest.mark.parametrize(("q", "share"), [(1, 0.001), (2, 0.1), (4, 0.1)])
+def test_a_value_that_is_not_quadratic_is_climbed_nearly_to_its_top(q, share):
+    """V = -sum_i y_i^4 / 4 - sum_{i<j} y_i y_j / 4: what is lost against a search, of what can be won; flat saddles."""
+    rng = np.random.default_rng(4)
+    coast, gain = 0.6 * rng.normal(size=(q, 300)), np.tile(np.eye(q)[:, :, None], 300)
+    coupling = 0.25 * (1 - np.eye(q))
+
+    def value(y):
+        return -(y**4).sum(axis=0) / 4 - (y * np.tensordot(coupling, y, 1)).sum(axis=0) / 2
+
+    def slope(y):
+        return -(y**3) - np.tensordot(coupling, y, 1)
+
+    u = held_control(slope, coast, gain, np.ones(q), np.zeros((q, 300)))
+    line = np.linspace(-1, 1, 81 if q < 3 else 9)
+    tried = np.stack(np.meshgrid(*[line] * q)).reshape(q, -1)
+    best = value(coast[:, :, None] + tried[:, None]).max(axis=-1)
+    assert (np.abs(u) <= 1).all()
+    lost = best - value(coast + u)
+    assert lost.max() < 0.15
+    assert lost.sum() < share * (best - value(coast)).sum()
+
+
+def test_a_way_is_gone_to_its_end_or_to_its_top():
+    """Along one control from 0 to 1: up at the end, over the top at 1/4, and down from the beginning."""
+    way, start = np.ones((1, 3)), np.array([[1.0, 1.0, -1.0]])
+    np.testing.assert_allclose(share_of_way(start, np.array([[0.5, -3.0, -2.0]]), way), [1.0, 0.25, 0.0])
