@@ -20,7 +20,7 @@ from swimmer_mj.integrators import rk4_step
 from swimmer_mj.learning.networks.batched import BLOCK, BatchedNetwork
 from swimmer_mj.learning.networks.networks import ValueNetwork
 from swimmer_mj.learning.problems.differentiable import require_torch
-from swimmer_mj.learning.problems.forms import BatchForm, HoldForm, TorchForm
+from swimmer_mj.learning.problems.forms import BatchForm, Field, HoldForm, TorchForm
 from swimmer_mj.learning.problems.held import Slope
 from swimmer_mj.learning.problems.problem import ControlProblem
 
@@ -48,6 +48,7 @@ class TorchActor:
     def __init__(self, problem: ControlProblem, network: ValueNetwork) -> None:
         self.problem = problem
         self.form: TorchForm = require_torch(problem)
+        self.hold = problem.form(HoldForm)
         self.network = copy.deepcopy(network)
         self.parameters = list(self.network.parameters())
         like = self.parameters[0]
@@ -58,16 +59,25 @@ class TorchActor:
         """Set the network's parameters."""
         torch.nn.utils.vector_to_parameters(weights, self.parameters)
 
-    def value_and_slope(self, x: Tensor, graph: bool = False) -> tuple[Tensor, Tensor]:
-        """V (N,) and dV/dx (N, p) at x (N, p), in the network's dtype."""
+    def value_and_slope(
+        self, x: Tensor, graph: bool = False, inputs: Field | None = None
+    ) -> tuple[Tensor, Tensor]:
+        """V (N,) and dV/dx (N, p) at x (N, p), in the network's dtype; with ``inputs`` of x, if not the problem's."""
         with torch.enable_grad():
             x = x.detach().to(self.dtype).requires_grad_()
-            V = self.network(self.problem.inputs(x))
+            V = self.network((self.problem.inputs if inputs is None else inputs)(x))
             (dVdx,) = torch.autograd.grad(V.sum(), x, create_graph=graph)
         return V, dVdx
 
-    def greedy(self, x: Tensor, dVdx: Tensor) -> Tensor:
-        """U sign(B^T dV/dx), shape (N, q)."""
+    def _slope_at(self, x: Array) -> Array:
+        """dV/dx (p, N) of x (p, N)."""
+        return self.value_and_slope(torch.tensor(x.T, device=self.device))[1].double().cpu().numpy().T
+
+    def greedy(self, x: Tensor, dVdx: Tensor, duration: float | None = None) -> Tensor:
+        """U sign(B^T dV/dx), or what is best held for ``duration``, by default a policy's; shape (N, q)."""
+        if self.hold is not None:
+            u = self.hold.choose(self._slope_at, x.cpu().numpy(), duration)
+            return torch.from_numpy(u).to(self.device)
         gain = torch.einsum("npq,np->nq", self.form.control_matrix(x), dVdx)
         return self.limits * torch.sign(gain)
 
@@ -86,7 +96,7 @@ class TorchActor:
         total = torch.zeros(len(x), dtype=torch.float64, device=self.device)
         for share in shares:
             _, dVdx = self.value_and_slope(state)
-            u = self.greedy(state, dVdx.double())
+            u = self.greedy(state, dVdx.double(), dt)
 
             def f(y: Tensor, u: Tensor = u) -> Tensor:
                 return form.drift(y) + torch.einsum("npq,nq->np", form.control_matrix(y), u)
@@ -115,12 +125,23 @@ class BatchActor:
         z, V, dVdx = np.empty((self.m, N), self.real), np.empty(N), np.empty((self.p, N))
         return np.ascontiguousarray(rows.T), z, V, dVdx, np.empty((self.q, N)), np.ones((self.q, N))
 
+    def judge(self, weights: Tensor, x: Array, z: Real, V: Array, dVdx: Array) -> None:
+        """Fill inputs z (m, N), V (N,) and dVdx (p, N) at x (p, N); N must be a multiple of BLOCK."""
+        coordinates = self.form.coordinates
+        if coordinates is None:
+            self.network.judge(weights, x, z, V, dVdx)
+            return
+        y = np.empty_like(x)
+        coordinates.enter(x, y)
+        self.network.judge(weights, y, z, V, dVdx)
+        coordinates.to_state(x, dVdx)
+
     def slope_at(self, weights: Tensor) -> Slope:
         """dV/dx (p, N) of x (p, N)."""
 
         def slope(x: Array) -> Array:
             state, z, V, dVdx, _, _ = self._padded(x.T)
-            self.network.judge(weights, state, z, V, dVdx)
+            self.judge(weights, state, z, V, dVdx)
             return dVdx[:, : x.shape[1]]
 
         return slope
@@ -128,9 +149,9 @@ class BatchActor:
     def control(self, weights: Tensor, x: Array) -> Array:
         """As in :class:`Actor`."""
         if self.hold is not None:  # its steps are dear: none for padding
-            return self.hold.choose(self.slope_at(weights), x)
+            return self.hold.choose(self.slope_at(weights), x, None)
         state, z, V, dVdx, u, flips = self._padded(x)
-        self.network.judge(weights, state, z, V, dVdx)
+        self.judge(weights, state, z, V, dVdx)
         self.form.greedy_step(self.slope_at(weights), state, dVdx, flips, 0.0, u, state)
         return u[:, : len(x)].T.copy()
 
@@ -140,7 +161,7 @@ class BatchActor:
         total, later = np.zeros(state.shape[1]), np.empty_like(state)
         slope_at = self.slope_at(weights)
         for share in shares:
-            self.network.judge(weights, state, z, V, dVdx)
+            self.judge(weights, state, z, V, dVdx)
             self.form.greedy_rk4(slope_at, state, dVdx, flips, dt, u, later)
             total += share * self.form.reward(state, u)
             state, later = later, state

@@ -61,7 +61,7 @@ class GreedyPolicy(Generic[Network]):
         cost = None if form is None else form.coefficients(x)
         hold = problem.form(HoldForm)
         limits = problem.control_limits
-        u = greedy_control(B, dVdx, limits, cost) if hold is None else hold.choose(self._slope_at, x)
+        u = greedy_control(B, dVdx, limits, cost) if hold is None else hold.choose(self._slope_at, x, None)
         f = a + np.einsum("...pq,...q->...p", B, u)
         r = problem.reward(x) if cost is None else problem.reward(x) - (cost * u**2).sum(axis=-1)
         value = V.detach().double().numpy()

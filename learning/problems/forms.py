@@ -7,6 +7,7 @@ form                      of what it is made                          who asks f
 :class:`BatchForm`        compiled, batches of trajectories           value gradients on CPUs, fast episodes
 :class:`CompiledForm`     compiled, one state                         TD(lambda): the fused kernel
 :class:`LanesForm`        compiled, a state in each SIMD lane         TD(lambda): a pack of learners
+:class:`CoordinatesForm`  other coordinates in which V is learned     value gradients
 :class:`CostForm`         what controls cost                          greedy control, H
 :class:`HoldForm`         what a held control leads to                greedy control
 :class:`EnvironmentForm`  an environment in which it is judged        evaluation
@@ -35,9 +36,11 @@ from swimmer_mj.trajectory import Trajectory
 
 __all__ = [
     "EPISODE",
+    "BatchCoordinates",
     "BatchForm",
     "BatchPolicy",
     "CompiledForm",
+    "CoordinatesForm",
     "CostForm",
     "Encoding",
     "EnvironmentForm",
@@ -120,6 +123,31 @@ class Encoding(NamedTuple):
     """What it is multiplied by."""
 
 
+class CoordinatesForm(NamedTuple):
+    """Other coordinates y of the state, in which V is learned: dV/dy is what is compared with its target.
+
+    They are torch functions, differentiable. The network's inputs are ``encode`` of ``enter``.
+    """
+
+    enter: Field
+    """y of x, (..., p) -> (..., p)."""
+    leave: Field
+    """Its inverse."""
+    encode: Field
+    """z of y, (..., p) -> (..., m)."""
+
+
+class BatchCoordinates(NamedTuple):
+    """The same for N states at once, compiled."""
+
+    enter: Callable[[Array, Array], None]
+    """(x, y): fill y (p, N) at x (p, N)."""
+    to_state: Callable[[Array, Array], None]
+    """(x, slope): replace dV/dy (p, N) by dV/dx at x (p, N)."""
+    from_state: Callable[[Array, NDArray[Any]], None]
+    """(x, slope): replace dV/dx (T, p, N) by dV/dy at x (T, p, N)."""
+
+
 class BatchForm(NamedTuple):
     """The problem for N trajectories at once, which stand on the last axis; N is a multiple of LANES.
 
@@ -138,6 +166,8 @@ class BatchForm(NamedTuple):
     """(x, u, V, dVdx, dt, s_gamma, s_lambda, out): g and G of :mod:`swimmer_mj.learning.value_gradient.equations`."""
     reward: Callable[[Array, Array], Array]
     """Of x (..., p, N) and u (..., q, N), what the control costs taken off: (..., N)."""
+    coordinates: BatchCoordinates | None = None
+    """Those in which V is learned, and which ``encoding`` is of; None: the state's own."""
 
 
 class CostForm(NamedTuple):
@@ -150,8 +180,9 @@ class CostForm(NamedTuple):
 class HoldForm(NamedTuple):
     """Controls that are chosen for the time for which they are held, not for the instant."""
 
-    choose: Callable[[Slope, Array], Array]
-    """(dV/dx (p, N) of x (p, N), states (..., p)) -> u (..., q): see :mod:`swimmer_mj.learning.problems.held`."""
+    choose: Callable[[Slope, Array, float | None], Array]
+    """(dV/dx (p, N) of x (p, N), states (..., p), duration in s, or None for that of a policy's control) -> u (..., q):
+    see :mod:`swimmer_mj.learning.problems.held`."""
 
 
 class Moment(NamedTuple):

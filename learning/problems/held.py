@@ -16,6 +16,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from swimmer_mj.compiled.cache import entry_point
+from swimmer_mj.compiled.vectors import OPTIONS
+
 __all__ = ["Slope", "argmax_in_box", "held_control", "share_of_way"]
 
 Array = NDArray[np.float64]
@@ -70,7 +73,9 @@ def held_control(slope_at: Slope, coast: Array, gain: Array, limits: Array, pric
             pushed[i] += push
             curvature[i] = (slope(pushed) - here) / push
         curvature = (curvature + curvature.swapaxes(0, 1)) / 2
-        way = argmax_in_box(here - (curvature * u).sum(axis=1), curvature, limits, u) - u
+        top = u.copy()
+        argmax_in_box(here - (curvature * u).sum(axis=1), curvature, limits, top)
+        way = top - u
         u += share_of_way(here, slope(u + way), way) * way
     return u
 
@@ -86,8 +91,9 @@ def share_of_way(start: Array, end: Array, way: Array) -> Array:
     return share
 
 
-def argmax_in_box(slope: Array, curvature: Array, limits: Array, start: Array) -> Array:
-    """argmax over abs(u_i) <= limits_i of slope . u + u . curvature u / 2, by coordinate ascent.
+@entry_point(**OPTIONS)
+def argmax_in_box(slope: Array, curvature: Array, limits: Array, u: Array) -> None:
+    """Move u (q, N) to the argmax over abs(u_i) <= limits_i of slope . u + u . curvature u / 2, by coordinate ascent.
 
     Exact for one control, and in the limit of many sweeps where the curvature is negative definite; elsewhere a point
     from which no control alone can improve.
@@ -99,19 +105,16 @@ def argmax_in_box(slope: Array, curvature: Array, limits: Array, start: Array) -
         Symmetric.
     limits : ndarray, shape (q,)
         U.
-    start : ndarray, shape (q, N)
-        From where it ascends.
-
-    Returns
-    -------
-    ndarray, shape (q, N)
+    u : ndarray, shape (q, N)
+        From where it ascends, and then where it came to.
     """
-    q, u = len(limits), start.copy()
+    q = limits.size
     for _ in range(SWEEPS if q > 1 else 1):
-        for i, U in enumerate(limits):
-            bend = curvature[i, i]
-            rest = slope[i] + (curvature[i] * u).sum(axis=0) - bend * u[i]
-            best = U * np.sign(rest)
-            np.divide(rest, -bend, out=best, where=bend < 0)
-            u[i] = np.clip(best, -U, U)
-    return u
+        for i in range(q):
+            for b in range(u.shape[1]):
+                rest, bend = slope[i, b], curvature[i, i, b]
+                for k in range(q):
+                    if k != i:
+                        rest += curvature[i, k, b] * u[k, b]
+                best = -rest / bend if bend < 0 else np.sign(rest) * limits[i]
+                u[i, b] = min(max(best, -limits[i]), limits[i])

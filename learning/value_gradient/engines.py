@@ -17,6 +17,7 @@ from swimmer_mj.learning.networks.actors import Actor, BatchActor, TorchActor, b
 from swimmer_mj.learning.networks.batched import BLOCK
 from swimmer_mj.learning.networks.networks import Cascade, ValueNetwork
 from swimmer_mj.learning.problems.differentiable import transition, transition_pullback
+from swimmer_mj.learning.problems.forms import CoordinatesForm
 from swimmer_mj.learning.problems.problem import ControlProblem
 from swimmer_mj.learning.value_gradient.equations import targets, value_and_gradient_loss
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
@@ -86,10 +87,16 @@ class Engine(Actor, Protocol):
 
 
 def _slope_weights(problem: ControlProblem, w: float) -> Tensor:
-    """w S_i^2, shape (p,): S_i = 1 / |dz/dx_i|, over a sample of initial states; 0 where x_i does not move z there."""
-    sample = _sample(problem)
+    """w S_i^2, shape (p,): S_i = 1 / |dz/dx_i|, over a sample of initial states; 0 where x_i does not move z there.
+
+    In place of x stand the coordinates in which V is learned, if they are others.
+    """
+    sample, inputs = _sample(problem), problem.inputs
+    coordinates = problem.form(CoordinatesForm)
+    if coordinates is not None:
+        sample, inputs = coordinates.enter(sample), coordinates.encode
     with torch.enable_grad():  # not torch.func.jacrev, whose first call takes seconds of imports
-        z = problem.inputs(sample.requires_grad_())
+        z = inputs(sample.requires_grad_())
         slopes = [torch.autograd.grad(one.sum(), sample, retain_graph=True)[0] for one in z.unbind(dim=1)]
     squared = torch.stack(slopes).square().sum(dim=0).mean(dim=0)
     if not bool(torch.isfinite(squared).all()):
@@ -109,6 +116,7 @@ class _TorchEngine(TorchActor):
     ) -> None:
         super().__init__(problem, network)
         self.settings, self.bounds = settings, input_bounds(problem)
+        self.coordinates = problem.form(CoordinatesForm)
         self.slope_weights = _slope_weights(problem, settings.slope_weight).to(self.parameters[0])
 
     def collect(self, weights: Tensor, x: Array, flips: Array) -> tuple[Batch, Array]:
@@ -123,7 +131,7 @@ class _TorchEngine(TorchActor):
             values.append(V.detach().double())
             slopes.append(dVdx.double())
             if t < len(flip):
-                controls.append(self.greedy(state, slopes[-1]) * flip[t])
+                controls.append(self.greedy(state, slopes[-1], dt) * flip[t])
                 state = transition(form, state, controls[-1], dt)
         z = torch.stack([self.problem.inputs(x) for x in states]).transpose(1, 2).cpu().numpy()
         instead = stand_ins(z, self.bounds)
@@ -147,6 +155,10 @@ class _TorchEngine(TorchActor):
             settings.s_lambda,
             dt,
         )
+        coordinates = self.coordinates
+        if coordinates is not None:  # V and its slope are of them
+            X = coordinates.enter(X)
+            g = torch.func.vjp(coordinates.leave, X)[1](g)[0]
         data = tuple(y.flatten(0, 1).to(self.dtype) for y in (X, G, g))
         last = torch.where(wild[:, None], torch.nan, states[-1])
         return Batch(data, float(r.mean()), float(torch.stack(values).mean())), last.cpu().numpy()
@@ -158,7 +170,8 @@ class _TorchEngine(TorchActor):
     def loss_gradient(self, weights: Tensor, batch: Batch, start: int, out: Tensor) -> tuple[float, float]:
         self.load(weights)
         X, G, g = (y[start : start + self.settings.minibatch] for y in batch.data)
-        V, dVdx = self.value_and_slope(X, graph=True)
+        inputs = None if self.coordinates is None else self.coordinates.encode
+        V, dVdx = self.value_and_slope(X, graph=True, inputs=inputs)
         with torch.enable_grad():
             loss, value_error, slope_error = value_and_gradient_loss(
                 V, G, dVdx, g, self.settings.value_weight, self.slope_weights
@@ -191,7 +204,7 @@ class _CompiledEngine(BatchActor):
         z, V, dVdx = np.empty((T + 1, m, N), self.real), np.empty((T + 1, N)), np.empty((T + 1, p, N))
         X[0], slope_at = x.T, self.slope_at(weights)
         for t in range(T + 1):
-            self.network.judge(weights, X[t], z[t], V[t], dVdx[t])
+            self.judge(weights, X[t], z[t], V[t], dVdx[t])
             if t < T:
                 self.form.greedy_step(slope_at, X[t], dVdx[t], flip[t], settings.dt, U[t], X[t + 1])
         instead = stand_ins(z, self.bounds)
@@ -202,6 +215,8 @@ class _CompiledEngine(BatchActor):
         data[:, :m] = z[:T]
         s_gamma, s_lambda = self.s_gamma, settings.s_lambda
         self.form.targets(X, U, V, dVdx, settings.dt, s_gamma, s_lambda, data[:, m:])
+        if self.form.coordinates is not None:
+            self.form.coordinates.from_state(X[:T], data[:, m : m + p])
         r = self.form.reward(X[:T], U)
         rows = torch.from_numpy(data).transpose(0, 1).reshape(m + p + 1, T * N)
         last = np.where(wild, np.nan, X[T])

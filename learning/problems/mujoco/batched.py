@@ -156,9 +156,10 @@ class MujocoBatch:
         self._learner.run(work, x.shape[1], duration)
         return coast, gain
 
-    def control(self, slope_at: Slope, x: Array) -> Array:
-        """Greedy u (q, N) of a policy at x (p, N), held for a control timestep."""
-        return self._chosen(slope_at, x, slope_at(x), self._control_timestep)
+    def control(self, slope_at: Slope, x: Array, duration: float | None = None) -> Array:
+        """Greedy u (q, N) of a policy at x (p, N), held for ``duration``, by default a control timestep."""
+        hold = self._control_timestep if duration is None else duration
+        return self._chosen(slope_at, x, slope_at(x), hold)
 
     def _chosen(self, slope_at: Slope, x: Array, dVdx: Array, hold: float) -> Array:
         """Greedy u (q, N)."""

@@ -284,11 +284,11 @@ class MujocoProblem:
             x[:, co.goal_row] = starts.goal
         return x
 
-    def _choose(self, slope_at: Slope, x: Array) -> Array:
-        """Greedy u (..., q) at x (..., p), held for a control timestep."""
+    def _choose(self, slope_at: Slope, x: Array, duration: float | None) -> Array:
+        """Greedy u (..., q) at x (..., p), held for ``duration``, by default a control timestep."""
         x = np.asarray(x, dtype=np.float64)
         flat = np.ascontiguousarray(x.reshape(-1, self.state_size).T)
-        return self._single.control(slope_at, flat).T.reshape(*x.shape[:-1], -1)
+        return self._single.control(slope_at, flat, duration).T.reshape(*x.shape[:-1], -1)
 
     def ctrl(self, u: Array) -> Array:
         """MuJoCo's ctrl (..., nu) of controls u (..., q)."""

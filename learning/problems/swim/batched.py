@@ -29,7 +29,11 @@ from numpy.typing import NDArray
 from swimmer_mj.compiled.cache import entry_point
 from swimmer_mj.compiled.elementary import cos_sin_of_lanes
 from swimmer_mj.compiled.vectors import LANES, OPTIONS, aligned_zeros, load, sign, splat, store
-from swimmer_mj.learning.problems.forms import BatchForm, Encoding
+from swimmer_mj.learning.problems.forms import BatchForm, Encoding, HoldForm
+from swimmer_mj.learning.problems.held import Slope, held_control
+from swimmer_mj.learning.problems.problem import DT
+from swimmer_mj.learning.problems.swim import joints
+from swimmer_mj.learning.problems.swim.joints import batch_coordinates
 from swimmer_mj.learning.problems.swim.reduced import ReducedConstants, reduced_constants
 from swimmer_mj.learning.problems.swim.swimming import RATE_SCALE, Swimming
 
@@ -38,8 +42,10 @@ __all__ = [
     "derivative_of_lanes",
     "greedy_rk4",
     "greedy_step",
+    "held",
     "make",
     "pullback",
+    "responses",
     "step",
     "targets",
     "workspace",
@@ -193,10 +199,11 @@ def _step(
     flips: Array,
     dt: float,
     stages: int,
+    greedy: bool,
     u: Array,
     y: Array,
 ) -> None:
-    """Greedy Euler (1 stage) or Runge-Kutta (4 stages) step."""
+    """Euler (1 stage) or Runge-Kutta (4 stages) step under the greedy control, or under u."""
     c, s, F, mu, _, cosine, sine, A, at, first, total, f, torque = ws
     n = constants.K.shape[0]
     p, q = 2 * n + 2, n - 1
@@ -207,9 +214,12 @@ def _step(
             store(at, i * LANES, value)
             store(first, i * LANES, value)
             store(total, i * LANES, value)
+        if not greedy:
+            for k in range(q):
+                store(torque, k * LANES, load(u, k * N + start))
         for stage in range(stages):
             _factor(constants.K, at, c, s, cosine, sine, A)
-            if stage == 0:
+            if stage == 0 and greedy:
                 _greedy_control(n, A, limits, dVdx, N, start, flips, torque, mu)
             _derivative(constants, at, torque, c, s, cosine, sine, A, F, f)
             share = dt if stages == 1 else (dt / 6 if stage in (0, 3) else dt / 3)
@@ -272,7 +282,7 @@ def greedy_step(
     y : ndarray, shape (p, N)
         Filled with the states after the step; may be ``x``.
     """
-    _step(ws, constants, limits, x, dVdx, flips, dt, 1, u, y)
+    _step(ws, constants, limits, x, dVdx, flips, dt, 1, True, u, y)
 
 
 @entry_point(**OPTIONS)
@@ -288,23 +298,44 @@ def greedy_rk4(
     y: Array,
 ) -> None:
     """As :func:`greedy_step`, by the classical Runge-Kutta method."""
-    _step(ws, constants, limits, x, dVdx, flips, dt, 4, u, y)
+    _step(ws, constants, limits, x, dVdx, flips, dt, 4, True, u, y)
 
 
 @entry_point(**OPTIONS)
-def step(ws: Workspace, constants: ReducedConstants, x: Array, u: Array, dt: float, y: Array) -> None:
-    """y (p, N) is where an Euler step of ``dt`` leads from x (p, N) under the torques u (q, N); may be ``x``."""
-    c, s, F, _, _, cosine, sine, A, at, _, _, f, torque = ws
-    N = x.shape[1]
+def step(
+    ws: Workspace, constants: ReducedConstants, x: Array, u: Array, dt: float, stages: int, y: Array
+) -> None:
+    """Fill y (p, N) with where a step of ``dt`` leads from x (p, N) under the torques u (q, N); y may be x.
+
+    An Euler step with 1 stage, one of the classical Runge-Kutta method with 4.
+    """
+    _step(ws, constants, u[:, 0], x, x, u, dt, stages, False, u, y)
+
+
+@entry_point(**OPTIONS)
+def responses(
+    ws: Workspace, constants: ReducedConstants, x: Array, dt: float, coast: Array, gain: Array
+) -> None:
+    """Fill coast (p, N) and gain (q, p, N): an Euler step of ``dt`` from x (p, N) leads to coast + sum_k gain_k u_k."""
+    c, s, F, mu, _, cosine, sine, A, at, _, _, f, torque = ws
+    n, N = constants.K.shape[0], x.shape[1]
     for start in range(0, N, LANES):
         for i in range(x.shape[0]):
             store(at, i * LANES, load(x, i * N + start))
-        for k in range(u.shape[0]):
-            store(torque, k * LANES, load(u, k * N + start))
+        for k in range(n - 1):
+            store(torque, k * LANES, splat(0.0))
         _factor(constants.K, at, c, s, cosine, sine, A)
         _derivative(constants, at, torque, c, s, cosine, sine, A, F, f)
         for i in range(x.shape[0]):
-            store(y, i * N + start, load(at, i * LANES) + dt * load(f, i * LANES))
+            store(coast, i * N + start, load(at, i * LANES) + dt * load(f, i * LANES))
+        for k in range(n - 1):
+            for j in range(n):
+                store(mu, j * LANES, splat(1.0 if j == k + 1 else (-1.0 if j == k else 0.0)))
+            _solve(n, A, mu)
+            row = k * x.shape[0]
+            for i in range(x.shape[0]):
+                reached = n <= i < 2 * n
+                store(gain, (row + i) * N + start, dt * load(mu, (i - n) * LANES) if reached else splat(0.0))
 
 
 @njit(forceinline=True, **OPTIONS)
@@ -473,6 +504,49 @@ def targets(
                 out[t, i, b] = g[i, b]
 
 
+class _Held:
+    """Torques that are chosen for where an Euler step leads under them."""
+
+    def __init__(self, problem: Swimming) -> None:
+        n = problem.parameters.n_links
+        self.ws, self.constants = workspace(n), reduced_constants(problem.parameters)
+        self.limits = problem.control_limits
+
+    def control(self, slope_at: Slope, x: Array, duration: float) -> Array:
+        """u (q, N) at x (p, N), N a multiple of LANES."""
+        coast, gain = np.empty_like(x), np.empty((self.limits.size, *x.shape))
+        responses(self.ws, self.constants, x, duration, coast, gain)
+        return held_control(slope_at, coast, gain, self.limits, np.zeros((self.limits.size, x.shape[1])))
+
+    def choose(self, slope_at: Slope, x: Array, duration: float | None) -> Array:
+        """u (..., q) at x (..., p)."""
+        flat = x.reshape(-1, x.shape[-1])
+        rows = np.concatenate([flat, np.repeat(flat[-1:], -len(flat) % LANES, axis=0)])
+        u = self.control(slope_at, np.ascontiguousarray(rows.T), DT if duration is None else duration)
+        return u[:, : len(flat)].T.reshape(*x.shape[:-1], -1)
+
+    def advance(
+        self,
+        stages: int,
+        slope_at: Slope,
+        x: Array,
+        dVdx: Array,
+        flips: Array,
+        dt: float,
+        u: Array,
+        y: Array,
+    ) -> None:
+        """A step as a BatchForm's; ``dVdx``, where torques do nothing yet, says too little."""
+        u[:] = flips * self.control(slope_at, x, dt or DT)
+        if dt > 0:
+            step(self.ws, self.constants, x, u, dt, stages, y)
+
+
+def held(problem: Swimming) -> HoldForm | None:
+    """How torques are chosen that are held; None for the greedy ones of the instant."""
+    return HoldForm(_Held(problem).choose) if problem.held else None
+
+
 def make(problem: Swimming) -> BatchForm | None:
     """The swimmer for batches of trajectories; None with raw angles as inputs, or stepped by RK4."""
     if problem.encoding != "circle" or problem.integrator != "euler":
@@ -482,12 +556,17 @@ def make(problem: Swimming) -> BatchForm | None:
     encoding = Encoding(
         angles, angles, n + angles, linear, linear + n, np.array([RATE_SCALE] * n + [1.0, 1.0])
     )
+    coordinates = batch_coordinates(problem)
+    if coordinates is not None:
+        encoding = joints.encoding(n)
     ws, constants = workspace(n), reduced_constants(problem.parameters)
     limits = problem.control_limits
+    if problem.held:
+        by_hold = _Held(problem)
+        euler, rk4 = partial(by_hold.advance, 1), partial(by_hold.advance, 4)
+    else:
+        euler = lambda slope_at, *rest: greedy_step(ws, constants, limits, *rest)  # noqa: E731
+        rk4 = lambda slope_at, *rest: greedy_rk4(ws, constants, limits, *rest)  # noqa: E731
     return BatchForm(
-        encoding,
-        lambda slope_at, *rest: greedy_step(ws, constants, limits, *rest),
-        lambda slope_at, *rest: greedy_rk4(ws, constants, limits, *rest),
-        partial(targets, ws, constants),
-        lambda x, u: x[..., 2 * n, :],
+        encoding, euler, rk4, partial(targets, ws, constants), lambda x, u: x[..., 2 * n, :], coordinates
     )

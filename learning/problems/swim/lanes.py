@@ -32,6 +32,8 @@ def make(problem: Swimming) -> LanesForm | None:
     """The swimmer for a pack; None if it has to be asked for one state at a time."""
     if problem.encoding != "circle" or problem.integrator != "euler":
         return None
+    if problem.coordinates != "links" or problem.held:
+        return None
     constants = (workspace(problem.parameters.n_links), reduced_constants(problem.parameters))
     return LanesForm(constants, _greedy, _encode, _pull_back)
 

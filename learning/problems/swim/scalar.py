@@ -20,7 +20,9 @@ Array = NDArray[np.float64]
 
 
 def make(problem: Swimming) -> CompiledForm | None:
-    """The swimmer, stepped by the reduced equations."""
+    """The swimmer, stepped by the reduced equations; None with V of joints, or with torques chosen to be held."""
+    if problem.coordinates != "links" or problem.held:
+        return None
     n = problem.parameters.n_links
     functions = _compiled_functions(n, problem.encoding == "circle")
     return CompiledForm(reduced_constants(problem.parameters), compile_reduced_dynamics(n), *functions)

@@ -25,7 +25,9 @@ from swimmer_mj.integrators import euler_step, rk4_step
 from swimmer_mj.learning.problems.forms import (
     BatchForm,
     CompiledForm,
+    CoordinatesForm,
     EnvironmentForm,
+    HoldForm,
     LanesForm,
     SwimmerForm,
     TorchForm,
@@ -64,6 +66,12 @@ class Swimming:
     """Inputs for each angle: its cosine and sine (chosen), or the angle itself in [-pi, pi]."""
     initial_law: InitialLaw = "moderate"
     """See :func:`swimmer_mj.initial_states.random_initial_state`."""
+    coordinates: Literal["links", "joints"] = "links"
+    """In which V is learned: the state's own, or angles between links and the velocity of the head
+    (:mod:`swimmer_mj.learning.problems.swim.joints`)."""
+    held: bool = False
+    """Choose torques for the time for which they are held (:mod:`swimmer_mj.learning.problems.held`), not for the
+    instant."""
 
     def __post_init__(self) -> None:
         require_choices(self)
@@ -71,6 +79,8 @@ class Swimming:
             raise ValueError(
                 f"a swimmer needs at least 2 links to have a joint to move, got {self.parameters.n_links}"
             )
+        if self.coordinates == "joints" and self.encoding != "circle":
+            raise ValueError(f"coordinates 'joints' need encoding 'circle', got {self.encoding!r}")
         require_positive(self, "s_gamma")
 
     @classmethod
@@ -79,9 +89,11 @@ class Swimming:
         links: int = PAPER.n_links,
         s_gamma: float = 1.0,
         physics: Literal["analytic", "mujoco"] = "analytic",
+        coordinates: Literal["links", "joints"] = "links",
+        held: bool = False,
     ) -> Self:
         """The problem by the options of the command line."""
-        return cls(SwimmerParameters(n_links=links), s_gamma, physics)
+        return cls(SwimmerParameters(n_links=links), s_gamma, physics, coordinates=coordinates, held=held)
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -144,7 +156,10 @@ class Swimming:
         return random_initial_state(rng, self.parameters.n_links, size=count, law=self.initial_law)
 
     def inputs(self, x: torch.Tensor) -> torch.Tensor:
-        """cos theta, sin theta (or theta), theta' scaled, dG; shape (..., 3n + 2)."""
+        """cos theta, sin theta (or theta), theta' scaled, dG; shape (..., 3n + 2). Or the same of joints and head."""
+        other = self.form(CoordinatesForm)
+        if other is not None:
+            return other.encode(other.enter(x))
         n = self.parameters.n_links
         theta, theta_dot, velocity = x[..., :n], x[..., n : 2 * n], x[..., 2 * n :]
         if self.encoding == "angle":
@@ -169,6 +184,8 @@ _FORMS: dict[type[Any], tuple[str, str]] = {
     CompiledForm: ("scalar", "make"),
     LanesForm: ("lanes", "make"),
     BatchForm: ("batched", "make"),
+    CoordinatesForm: ("joints", "make"),
+    HoldForm: ("batched", "held"),
     EnvironmentForm: ("environment", "judged"),
     SwimmerForm: ("environment", "drawn"),
     TrialsForm: ("environment", "learned"),
