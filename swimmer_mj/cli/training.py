@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 __all__ = ["OPTIONS", "changed", "configured", "parse_seeds", "train", "train_runs"]
 
 OPTIONS = (
-    "links", "physics", "engine", "neurons", "eta", "s_gamma", "s_lambda", "vario_eta", "dtype", "device",
+    "links", "physics", "coordinates", "held", "engine", "neurons", "eta", "s_gamma", "s_lambda", "vario_eta", "dtype",
+    "device",
 )  # fmt: skip
 """Those of the options of :func:`train` that belong to a problem or a method."""
 
@@ -48,6 +49,8 @@ def train(
     problem: str = "swim",
     reward: str | None = None,
     physics: Literal["analytic", "mujoco"] | None = None,
+    coordinates: Literal["links", "joints"] | None = None,
+    held: bool = False,
     engine: Literal["fused", "population", "compiled", "torch"] | None = None,
     neurons: int | None = None,
     eta: float | None = None,
@@ -80,6 +83,9 @@ def train(
             (docs/extending.md).
         reward: Of a MuJoCo model: module:function, a torch function of named things.
         physics: Step the equations themselves (the default), or the dm_control environment on MuJoCo (slower).
+        coordinates: Of the swimmer, in which V is learned: absolute angles and the centre's velocity (the default), or
+            angles between links and the head's velocity, which with --held swims faster in the end (docs/beyond.md).
+        held: Choose the swimmer's torques for the 10 ms for which they are held, not for the instant.
         engine: Of td: one compiled learner at a time (fused), up to 16 of them in the lanes of a processor's vectors
             (population), or the readable reference (torch, slow). Of value-gradient: compiled or torch. The fastest
             that can be had is the default; for td, population with more than 4 seeds.
@@ -139,6 +145,8 @@ def train(
             "links": links,
             "reward": reward,
             "physics": physics,
+            "coordinates": coordinates,
+            "held": held or None,
             "engine": engine,
             "neurons": neurons,
             "eta": eta,
