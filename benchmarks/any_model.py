@@ -20,7 +20,7 @@ import torch
 import tyro
 from numpy.typing import NDArray
 from rich.console import Console
-from yardstick import Clock, Row, append, finished
+from yardstick import Row, append, finished, looks
 
 from swimmer_mj.cli.training import configured
 from swimmer_mj.learning.problems.mujoco.task import MujocoTask
@@ -44,7 +44,7 @@ COLUMNS = (
 )
 LOOKED_AT = range(10)
 FRESH = range(1000, 1030)
-FIRST_LOOK, GROWTH = 5.0, 1.5  # s, and of the time from look to look
+LOOKS = (5.0, 7.5, 11.0, 17.0, 25.0, *np.arange(40.0, 1200.0, 20.0).tolist())  # s
 
 
 def learn(task: str, seed: int, seconds: float, console: Console) -> list[Row]:
@@ -64,23 +64,14 @@ def learn(task: str, seed: int, seconds: float, console: Console) -> list[Row]:
         rows.append((task, seed, look, f"{at:.1f}", learner.simulation_steps, *numbers))
         console.print(*rows[-1])
 
-    look, clock = min(FIRST_LOOK, seconds), Clock()
-    while True:
-        learner.step()
-        processor, _ = clock.read()
-        if processor < look:
-            continue
-        clock.stop()
-        policy = learner.policy()
+    for clock in looks(learner.step, LOOKS, seconds):
+        at, policy = clock.before[0], learner.policy()
         returns = problem.returns(policy, LOOKED_AT)
-        row("of the learner", processor, returns)
+        row("of the learner", at, returns)
         if returns.mean() > best_return:
-            best, best_return, best_time = policy, returns.mean(), processor
-        if processor >= seconds:
-            row("best", best_time, problem.returns(best, FRESH))
-            return rows
-        look = min(look * GROWTH, seconds)
-        clock.start()
+            best, best_return, best_time = policy, returns.mean(), at
+    row("best", best_time, problem.returns(best, FRESH))
+    return rows
 
 
 def main(

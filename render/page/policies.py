@@ -11,7 +11,7 @@ import torch
 
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer
 from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.problems.forms import BatchForm, Policy, SwimmerForm
+from swimmer_mj.learning.problems.forms import BatchForm, HoldForm, Policy, SwimmerForm
 from swimmer_mj.mjcf import mjcf
 
 __all__ = ["describe", "require_playable"]
@@ -71,6 +71,11 @@ def require_playable(policy: Policy, name: str) -> tuple[SwimmerForm, BatchForm,
         raise ValueError(
             f"{name}: the page knows networks that hear cosines and sines of angles; learn with encoding "
             "'circle' and integrator 'euler'"
+        )
+    if problem.form(HoldForm) is not None or batch.coordinates is not None:
+        raise ValueError(
+            f"{name}: the page knows torques of the instant and V of the state itself; learn without --coordinates "
+            "joints and --held"
         )
     network = getattr(policy, "network", None)
     if not (isinstance(policy, GreedyPolicy) and isinstance(network, Cascade | Multilayer)):

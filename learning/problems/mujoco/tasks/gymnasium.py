@@ -128,8 +128,8 @@ TASKS: dict[str, Task] = {
         (1e-4, 1e-4),
         learned=_centre_of_mass_velocity,
         draw=_swim_anywhere,
-        s_gamma=0.3,
-        advice={"s_lambda": 1.0, "value_weight": 1.0, "half_life": 300.0, "layers": [128, 128]},
+        s_gamma=0.2,
+        advice={"s_lambda": 1.0, "value_weight": 1.0, "half_life": 150.0, "layers": [128, 128]},
     ),
 }
 """By the identifier that ``gymnasium.make`` knows."""
