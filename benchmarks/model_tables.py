@@ -107,12 +107,12 @@ def swimmer_as_mjcf() -> Summary:
 
 
 def swimmer_coordinates() -> Summary:
-    """Swimming speed of value gradients by coordinates, control and processor time."""
+    """Steady speed of value gradients by coordinates, torques and processor time."""
     return _by_time(
         _rows("swimmer-coordinates.csv"),
-        "algorithm",
-        lambda row: float(row["speed"]),
-        ("V of, control", "seeds", "seconds of a core", "speed, m/s", "worst seed"),
+        "name",
+        lambda row: float(row["steady_speed"]),
+        ("V of, torques", "seeds", "seconds of a core", "steady speed, m/s", "worst seed"),
         ".2f",
     )
 

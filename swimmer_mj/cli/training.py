@@ -10,6 +10,7 @@ import math
 import re
 import shlex
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -61,6 +62,7 @@ def train(
     device: Literal["cpu", "cuda"] | None = None,
     evaluate_every: int | None = None,
     on_divergence: Literal["stop", "restore"] = "stop",
+    halve: bool = False,
     trust: tuple[str, ...] = (),
     settings: Annotated[tuple[str, ...], tyro.conf.arg(name="set")] = (),
     tensorboard: bool = False,
@@ -100,6 +102,8 @@ def train(
         evaluate_every: Trials, of 5 s of simulated time, between evaluations; 2,000 by default for td, else 1,000.
         on_divergence: A run that diverges stops, or goes on from its last evaluation with other random numbers, at
             most 10 times.
+        halve: Of several --seeds, within --seconds: those with the slower best stop, half of them after each of equal
+            parts of the time, so that one is left in the last.
         trust: Modules of one's own that may run when a run that names them is resumed.
         settings: Any other settings of the problem, the method or its learner, as name=value: --set mass=2 flips=0.1.
         tensorboard: Also write the rows of metrics.csv as events for TensorBoard, in the directory tensorboard of each
@@ -114,6 +118,8 @@ def train(
         if value is not None and not 0 < value < math.inf:
             raise ValueError(f"{name} must be positive and finite, got {value}")
     chosen = [seed] if seeds is None else parse_seeds(seeds)
+    if halve and (len(chosen) < 2 or seconds is None or trials is not None):
+        raise ValueError("--halve needs several --seeds, and --seconds without --trials")
     if resume and (
         superfluous := typed
         - {
@@ -133,6 +139,7 @@ def train(
 
     from swimmer_mj.learning.runs.config import CONFIG
     from swimmer_mj.learning.runs.events import require_writer
+    from swimmer_mj.learning.runs.halving import train_halving
     from swimmer_mj.learning.runs.run import TrainingRun
 
     trust_modules(trust)
@@ -180,9 +187,12 @@ def train(
     caution = getattr(runs[0].problem, "caution", None)
     if caution is not None and not resume and (line := caution()):
         print_line(console, line)
-    train_runs(
-        console, runs, trials=trials, seconds=seconds, on_divergence=on_divergence, tensorboard=tensorboard
-    )
+    advance = partial(train_runs, console, on_divergence=on_divergence, tensorboard=tensorboard)
+    if halve and seconds is not None:
+        fastest = train_halving(runs, seconds, lambda turn, share: advance(turn, seconds=share))
+        print_line(console, f"the fastest in the end: {fastest.directory}")
+    else:
+        advance(runs, trials=trials, seconds=seconds)
     results = [
         {
             "run": str(r.directory),

@@ -1,8 +1,8 @@
 """Loops over states that call MuJoCo's own functions, compiled, without the GIL.
 
 A step of the learner's is MuJoCo's: semi-implicit Euler with joint damping taken implicitly, or one of the implicit
-integrators; in several parts, if it is long for that. The state, the actuators and what a reward reads are tables of indices and addresses, so that one compiled
-function serves all models.
+integrators; in several parts, if it is long for that. The state, the actuators and what a reward reads are tables of
+indices and addresses, so that one compiled function serves all models.
 
 Derivatives are finite differences of that step, of one scalar: with ``later`` the costate after the step and ``rho``
 the slope of the reward in what it reads, the gradient in x of later . y(x, u) + rho . readings(x) at held u. A velocity

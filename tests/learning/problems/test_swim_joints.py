@@ -6,6 +6,7 @@ import torch
 
 from swimmer_mj import state as st
 from swimmer_mj.compiled.vectors import LANES
+from swimmer_mj.dynamics import to_qpos_qvel
 from swimmer_mj.integrators import rk4_step
 from swimmer_mj.learning.networks.networks import Multilayer
 from swimmer_mj.learning.networks.policy import GreedyPolicy
@@ -54,6 +55,18 @@ def test_coordinates_are_bends_and_the_velocity_of_the_head(parameters):
     compiled = np.empty_like(columns(x))
     problem.form(BatchForm).coordinates.enter(columns(x), compiled)
     np.testing.assert_allclose(compiled.T, y, rtol=0, atol=1e-9)
+
+
+@SWIMMERS
+def test_coordinates_are_those_of_mujoco(parameters):
+    """qpos and qvel, where the swimmer is left out."""
+    n, problem = parameters.n_links, Swimming(parameters, coordinates="joints")
+    x = states(problem)
+    qpos, qvel = to_qpos_qvel(st.expand(parameters, x), n)
+    y = problem.form(CoordinatesForm).enter(torch.from_numpy(x)).numpy()
+    np.testing.assert_allclose(np.sin(y[:, :n] - qpos[:, 2:]), 0, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(y[:, n : 2 * n], qvel[:, 2:], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(y[:, 2 * n :], qvel[:, :2], rtol=0, atol=1e-11)
 
 
 @SWIMMERS
