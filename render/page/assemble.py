@@ -18,8 +18,8 @@ __all__ = ["MAX_BYTES", "page", "write_page"]
 MAX_BYTES = 6_000_000
 """Of the whole file."""
 MODULES = (
-    "bytes.js", "network.js", "kinematics.js", "swimmer.js", "arena.js", "water.js", "view.js", "camera.js", "plots.js",
-    "pointer.js", "panel.js", "main.js",
+    "bytes.js", "network.js", "value.js", "held.js", "kinematics.js", "swimmer.js", "arena.js", "water.js", "view.js",
+    "camera.js", "plots.js", "pointer.js", "panel.js", "main.js",
 )  # fmt: skip
 """Sources, each after those that it imports."""
 

@@ -47,6 +47,8 @@ def describe(
         "parameters": dataclasses.asdict(swimmer.parameters),
         "mjcf": mjcf(swimmer.parameters, friction="actuators"),
         "s_gamma": problem.s_gamma,
+        "coordinates": "state" if batch.coordinates is None else "joints",
+        "held": problem.form(HoldForm) is not None,
         "inputs": problem.n_inputs,
         "encoding": {key: values.tolist() for key, values in batch.encoding._asdict().items()},
         "network": _network(network),
@@ -71,11 +73,6 @@ def require_playable(policy: Policy, name: str) -> tuple[SwimmerForm, BatchForm,
         raise ValueError(
             f"{name}: the page knows networks that hear cosines and sines of angles; learn with encoding "
             "'circle' and integrator 'euler'"
-        )
-    if problem.form(HoldForm) is not None or batch.coordinates is not None:
-        raise ValueError(
-            f"{name}: the page knows torques of the instant and V of the state itself; learn without --coordinates "
-            "joints and --held"
         )
     network = getattr(policy, "network", None)
     if not (isinstance(policy, GreedyPolicy) and isinstance(network, Cascade | Multilayer)):

@@ -114,9 +114,8 @@ function makeInterface(arena, stage) {
     judge() {
       const swimmer = first();
       swimmer.judge();
-      const { value, hamiltonian, switching, limits, scale } = swimmer;
-      const control = limits.map((limit, i) => limit * scale.torque * Math.sign(switching[i]));
-      return { control, value, hamiltonian, switching: Array.from(switching) };
+      const { control, value, hamiltonian, switching } = swimmer;
+      return { control: Array.from(control), value, hamiltonian, switching: Array.from(switching) };
     },
     setTarget(radians) { panel.act(() => arena.swimTowards(radians)); },
     setState(qpos, qvel) { panel.act(() => arena.setState(qpos, qvel)); },

@@ -1,11 +1,13 @@
 // A swimmer: MuJoCo's model and data, and the greedy policy of a value network beside it.
 //
 // V is known for swimming along +x, in the reduced state z = [theta, theta', dG]; for another target direction the state
-// is seen from a frame that is turned. The greedy control maximises dV/dz . (a + B u): u_i = U_i sign([B^T dV/dz]_i).
+// is seen from a frame that is turned. The greedy control maximises dV/dz . (a + B u): u_i = U_i sign([B^T dV/dz]_i), or
+// V where it leads within a control step, for policies that were learned so.
 // MuJoCo has a through mj_forward without control, and B through mj_solveM: with w = T^T dV/dz, T being the change from
 // MuJoCo's accelerations to those of z, [B^T dV/dz]_i is the entry of M^-1 w at the hinge of motor i, for M is symmetric.
 
-import { makeNetwork } from "./network.js";
+import { heldControl } from "./held.js";
+import { Value } from "./value.js";
 import {
   absoluteAngles, centerOfMass, centerOfMassLevers, centerOfMassVelocity, jointPositions, rotate, setAbsoluteAngles,
 } from "./kinematics.js";
@@ -24,15 +26,14 @@ export class Swimmer {
     this.model = mujoco.MjModel.from_xml_string(policy.mjcf);
     this.data = new mujoco.MjData(this.model);
     this.solution = new mujoco.DoubleBuffer(this.model.nv);
-    this.network = makeNetwork(policy.network);
+    this.V = new Value(policy, this.levers);
     this.firstLink = this.model.nbody - this.n; // MuJoCo's number of the body link_1
     this.angles = new Float64Array(this.n);
     this.rates = new Float64Array(this.n);
     this.torques = new Float64Array(this.n - 1); // N·m, those of the last step
     this.z = new Float64Array(2 * this.n + 2);
     this.slope = new Float64Array(2 * this.n + 2); // dV/dz
-    this.inputs = new Float64Array(policy.inputs);
-    this.inputSlope = new Float64Array(policy.inputs);
+    this.control = new Float64Array(this.n - 1); // what the policy would do, N·m
     this.switching = new Float64Array(this.n - 1); // B^T dV/dz, m/s a N·m
     this.weight = new Array(this.model.nv).fill(0); // w
     this.target = 0; // rad
@@ -123,24 +124,22 @@ export class Swimmer {
     this.data.xfrc_applied.fill(0);
   }
 
-  /** V, H and switching function at the state, with MuJoCo's drift and control matrix. */
+  /** V, H, greedy control and switching function at the state, with MuJoCo's drift and control matrix. */
   judge() {
-    const { mujoco, model, data, n, angles, rates, z, slope, inputs, inputSlope, weight, target } = this;
+    const { mujoco, model, data, n, angles, rates, z, slope, weight, target, control, switching } = this;
     const { qpos, qvel, ctrl } = data;
     absoluteAngles(qpos, angles);
     absoluteAngles(qvel, rates);
     const velocity = rotate(...this.velocity, -target);
     for (let i = 0; i < n; i++) [z[i], z[n + i]] = [angles[i] - target, rates[i]];
     z.set(velocity, 2 * n);
-    encode(this.policy.encoding, z, inputs);
-    this.value = this.network.valueAndSlope(inputs, inputSlope);
-    pullBack(this.policy.encoding, inputs, inputSlope, slope);
+    this.value = this.V.at(z, slope);
 
     ctrl.fill(0);
     mujoco.mj_forward(model, data);
     const acceleration = data.qacc;
     const [slopeX, slopeY] = rotate(slope[2 * n], slope[2 * n + 1], target); // dV/d(dG), in the frame of the water
-    let rise = 0; // dV/dz . a
+    let rise = 0; // dV/dz . (a + B u)
     let sum = 0;
     for (let i = n - 1; i >= 0; i--) {
       const [c, s] = [Math.cos(angles[i]), Math.sin(angles[i])];
@@ -150,13 +149,44 @@ export class Swimmer {
     }
     [weight[0], weight[1]] = [slopeX, slopeY];
     for (let k = 0; k < weight.length; k++) rise += weight[k] * acceleration[k];
-    mujoco.mj_solveM(model, data, this.solution, weight);
-    const solution = this.solution.GetView();
-    for (let i = 0; i < n - 1; i++) {
-      this.switching[i] = solution[3 + i];
-      rise += this.limits[i] * this.scale.torque * Math.abs(this.switching[i]);
-    }
+    const solution = this.solve(weight);
+    for (let i = 0; i < n - 1; i++) switching[i] = solution[3 + i];
+    const greedy = () => this.limits.map((_, i) => this.limit(i) * Math.sign(switching[i]));
+    control.set(this.policy.held ? this.chosenToBeHeld() : greedy());
+    for (let i = 0; i < n - 1; i++) rise += switching[i] * control[i];
     this.hamiltonian = velocity[0] - this.policy.s_gamma * this.value + rise;
+  }
+
+  /** Torque limit of motor i, N·m. */
+  limit(i) { return this.limits[i] * this.scale.torque; }
+
+  /** M^-1 of a force in MuJoCo's coordinates; overwritten by the next. */
+  solve(force) {
+    this.mujoco.mj_solveM(this.model, this.data, this.solution, force);
+    return this.solution.GetView();
+  }
+
+  /** The control for where an Euler step of TIMESTEP leads, after mj_forward without control. */
+  chosenToBeHeld() {
+    const { n, z, rates, angles, levers, data, target } = this;
+    const change = new Float64Array(2 * n + 2); // dz/dt without control
+    const spins = absoluteAngles(data.qacc, new Float64Array(n));
+    let [x, y] = data.qacc;
+    for (let i = 0; i < n; i++) {
+      const [c, s] = [Math.cos(angles[i]), Math.sin(angles[i])];
+      [change[i], change[n + i]] = [rates[i], spins[i]];
+      x -= levers[i] * (spins[i] * s + rates[i] ** 2 * c);
+      y += levers[i] * (spins[i] * c - rates[i] ** 2 * s);
+    }
+    change.set(rotate(x, y, -target), 2 * n);
+    const gain = this.limits.map((_, k) => {
+      const solution = this.solve(Array.from({ length: n + 2 }, (_, dof) => (dof === 3 + k ? 1 : 0)));
+      const column = new Float64Array(2 * n + 2);
+      column.set(absoluteAngles(solution, new Float64Array(n)).map((spin) => TIMESTEP * spin), n);
+      return column;
+    });
+    const coast = z.map((now, i) => now + TIMESTEP * change[i]);
+    return heldControl((at, slope) => this.V.at(at, slope), coast, gain, this.limits.map((_, i) => this.limit(i)));
   }
 
   /** One control step: greedy torques, or those of {@link given}, held for TIMESTEP. */
@@ -165,28 +195,11 @@ export class Swimmer {
     this.judge();
     const { ctrl } = data;
     for (let i = 0; i < this.n - 1; i++) {
-      const limit = this.limits[i] * this.scale.torque;
-      const u = given ? Math.max(-limit, Math.min(limit, given[i])) : limit * Math.sign(this.switching[i]);
+      const limit = this.limit(i);
+      const u = given ? Math.max(-limit, Math.min(limit, given[i])) : this.control[i];
       this.torques[i] = u;
       ctrl[i] = u / limit;
     }
     mujoco.mj_step(model, data);
   }
-}
-
-/** The network's inputs of the reduced state z: angles by cos and sin, the rest by a factor. */
-function encode({ angle, cosine, sine, linear, scaled, scale }, z, inputs) {
-  angle.forEach((from, k) => {
-    inputs[cosine[k]] = Math.cos(z[from]);
-    inputs[sine[k]] = Math.sin(z[from]);
-  });
-  linear.forEach((from, k) => { inputs[scaled[k]] = scale[k] * z[from]; });
-}
-
-/** Fill slope with (d inputs / dz)^T dV/d inputs. */
-function pullBack({ angle, cosine, sine, linear, scaled, scale }, inputs, inputSlope, slope) {
-  angle.forEach((to, k) => {
-    slope[to] = inputs[cosine[k]] * inputSlope[sine[k]] - inputs[sine[k]] * inputSlope[cosine[k]];
-  });
-  linear.forEach((to, k) => { slope[to] = scale[k] * inputSlope[scaled[k]]; });
 }

@@ -107,6 +107,13 @@ def opened(browser, page_file):
 
 
 @pytest.fixture
+def another_page(opened, page_file):
+    """The browser, to open another file with; the page is there again after the test."""
+    yield opened
+    opened.open(page_file)
+
+
+@pytest.fixture
 def page(opened):
     """The page at the start of its life: five links, value gradients alone, paused."""
     opened.emulate("light")

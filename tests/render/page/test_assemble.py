@@ -67,10 +67,6 @@ def test_what_the_page_cannot_play_is_refused_in_one_line():
     ):
         described(angles)
 
-    for other in (Swimming(held=True), Swimming(coordinates="joints")):
-        with pytest.raises(ValueError, match="own: the page knows torques of the instant and V of the state"):
-            described(other)
-
     class Mine(Swimming):
         pass
 

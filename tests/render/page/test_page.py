@@ -5,18 +5,23 @@ import math
 import mujoco
 import numpy as np
 import pytest
+import torch
 from numpy.testing import assert_allclose, assert_array_equal
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
 from swimmer_mj import PAPER, SwimmerParameters
 from swimmer_mj import state as st
+from swimmer_mj.learning.networks.networks import Multilayer
+from swimmer_mj.learning.networks.policy import GreedyPolicy
 from swimmer_mj.learning.pretrained import pretrained_card, pretrained_directory, pretrained_names
 from swimmer_mj.learning.problems.problem import DT, episode_shares
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.problems.swim.environment import evaluation_states
 from swimmer_mj.learning.runs.run import load_policy
 from swimmer_mj.mjcf import mjcf
-from swimmer_mj.render.page.assemble import MAX_BYTES
+from swimmer_mj.render.page.assemble import MAX_BYTES, write_page
+from swimmer_mj.render.page.policies import describe
 
 RNG_SEED = 20021124
 
@@ -171,6 +176,45 @@ def test_controls_values_and_hamiltonians_of_1000_states(page, name):
     single, _, _ = load_policy(pretrained_directory(name))
     differ = single(z) != control
     assert np.abs(switching[differ]).max(initial=0.0) < 1e-4 * np.abs(switching).max()
+
+
+@pytest.mark.parametrize(
+    "how",
+    [{"coordinates": "joints"}, {"held": True}, {"coordinates": "joints", "held": True}],
+    ids=["joints", "held", "both"],
+)
+def test_policies_of_joints_and_of_held_torques_act_as_in_python(another_page, tmp_path, how):
+    """With random weights, so large that some held torques are within their limits; in two directions."""
+    parameters = SwimmerParameters(n_links=4, mass=[0.5, 1.0, 1.5, 0.7], length=[1.2, 0.8, 1.0, 0.6])
+    problem = Swimming(parameters, s_gamma=0.5, **how)
+    network, generator = Multilayer(problem.n_inputs, (16, 16)).double(), torch.Generator().manual_seed(3)
+    for weight in network.parameters():
+        weight.data = torch.randn(weight.shape, generator=generator, dtype=torch.float64)
+    policy = GreedyPolicy(problem, network)
+    write_page(tmp_path / "own.html", [describe(policy, "own", "own", 1.0, None)])
+    another_page.open(tmp_path / "own.html", motion=False)
+    z = problem.initial_states(np.random.default_rng(RNG_SEED), 100)
+    z[:, 4:] *= 3
+    judged = policy.judge(z)
+    turned = z.copy()
+    turned[:, :4] += 2.0
+    turned[:, 8:] = st.rotate(z[:, 8:], 2.0)
+    for angle, states in ((0.0, z), (2.0, turned)):
+        qpos, qvel = mujoco_state(parameters, states)
+        another_page.do("swimmer.setTarget(arguments[0])", angle)
+        found = another_page.js(
+            "arguments[0].map((qpos, k) => { swimmer.setState(qpos, arguments[1][k]); return swimmer.judge(); })",
+            qpos.tolist(),
+            qvel.tolist(),
+        )
+        control, value, H = (
+            np.array([one[key] for one in found]) for key in ("control", "value", "hamiltonian")
+        )
+        assert_allclose(value, judged.value, rtol=0, atol=1e-9)
+        assert_allclose(control, judged.control, rtol=0, atol=1e-6)
+        assert_allclose(H, judged.hamiltonian, rtol=0, atol=1e-6)
+    inside = np.abs(judged.control) < parameters.torque_limits - 1e-9
+    assert inside.any() == ("held" in how)
 
 
 def test_another_target_direction_is_the_same_seen_from_a_turned_frame(page):
