@@ -43,6 +43,8 @@ CASES = (
     "train --out new --seed -1",
     "train --out new --seeds 7-0",
     "train --out new --seeds 0-100000",
+    "train --out new --halve --seconds 60",
+    "train --out new --method value-gradient --coordinates joints --set encoding=angle",
     "train --out new --set mass",
     "train --out new --set weight=2",
     "train --out new --set vario=1",
