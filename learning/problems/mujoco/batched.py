@@ -54,8 +54,6 @@ class MujocoBatch:
     s_gamma, control_timestep : float
         The problem's shortness factor, 1/s, and for how long a policy's control is held, s; the model's own time step
         by default.
-    substeps : int
-        Parts of a learner's step.
     """
 
     def __init__(
@@ -71,12 +69,11 @@ class MujocoBatch:
         held: bool = True,
         s_gamma: float = 1.0,
         control_timestep: float | None = None,
-        substeps: int = 1,
     ) -> None:
         self._learner, self._actor = learner, actor
         self._co, self._ac = coordinates, actuation
         self._rate, self._constant_cost = rate, constant_cost
-        self._centred, self._substeps = centred, substeps
+        self._centred = centred
         self._timestep = float(actor.model.opt.timestep)
         self.held, self._s_gamma = held, s_gamma
         self._control_timestep = self._timestep if control_timestep is None else control_timestep
@@ -134,12 +131,12 @@ class MujocoBatch:
         return y
 
     def _move(self, sims: Simulations, x: Array, u: Array, dt: float, steps: int, y: Array) -> None:
-        fn, co, ac, parts = sims.functions, self._co, self._ac, self._substeps
+        fn, co, ac = sims.functions, self._co, self._ac
 
         def work(sim: Simulation, readings: Readings, first: int, last: int) -> None:
-            kernel.step(fn, sim, co, ac, x, u, parts, steps, first, last, y)
+            kernel.step(fn, sim, co, ac, x, u, steps, first, last, y)
 
-        sims.run(work, x.shape[1], dt / (steps or parts))
+        sims.run(work, x.shape[1], dt)
 
     def _own_steps(self, duration: float) -> int:
         """How many of the model's own steps fit into ``duration``, at least 1."""
@@ -150,13 +147,13 @@ class MujocoBatch:
 
         By one learner's step: V is that of its dynamics.
         """
-        fn, co, ac, parts = self._learner.functions, self._co, self._ac, self._substeps
+        fn, co, ac = self._learner.functions, self._co, self._ac
         coast, gain = np.empty_like(x), np.empty((ac.limits.size, *x.shape))
 
         def work(sim: Simulation, readings: Readings, first: int, last: int) -> None:
-            kernel.respond(fn, sim, co, ac, x, parts, first, last, coast, gain)
+            kernel.respond(fn, sim, co, ac, x, first, last, coast, gain)
 
-        self._learner.run(work, x.shape[1], duration / parts)
+        self._learner.run(work, x.shape[1], duration)
         return coast, gain
 
     def control(self, slope_at: Slope, x: Array, duration: float | None = None) -> Array:
@@ -195,7 +192,7 @@ class MujocoBatch:
         """As :meth:`greedy_step`, by the model's own integrator, in steps of its own as far as they fit into dt."""
         u[:] = flips * self._chosen(slope_at, x, dVdx, dt)
         steps = self._own_steps(dt)
-        self._move(self._actor, x, u, dt, steps, y)
+        self._move(self._actor, x, u, dt / steps, steps, y)
 
     # Targets -------------------------------------------------------------------------------------------------------
 
@@ -239,7 +236,7 @@ class MujocoBatch:
             G = r[t] + discount * ((1 - l) * V[t + 1] + l * G)
             out[t, p] = G
         fn, co, ac, g = self._learner.functions, self._co, self._ac, np.empty((T, p, N))
-        epsilon, centred, parts = EPSILON, self._centred, self._substeps
+        epsilon, centred = EPSILON, self._centred
 
         def work(sim: Simulation, readings: Readings, first: int, last: int) -> None:
             kernel.pull_back(
@@ -253,7 +250,6 @@ class MujocoBatch:
                 dVdx,
                 drdx,
                 rho,
-                parts,
                 l,
                 discount,
                 epsilon,
@@ -263,5 +259,5 @@ class MujocoBatch:
                 g,
             )
 
-        self._learner.run(work, N, dt / parts)
+        self._learner.run(work, N, dt)
         out[:, :p] = g

@@ -1,8 +1,8 @@
 """Loops over states that call MuJoCo's own functions, compiled, without the GIL.
 
 A step of the learner's is MuJoCo's: semi-implicit Euler with joint damping taken implicitly, or one of the implicit
-integrators; in several parts, if it is long for that. The state, the actuators and what a reward reads are tables of
-indices and addresses, so that one compiled function serves all models.
+integrators. The state, the actuators and what a reward reads are tables of indices and addresses, so that one compiled
+function serves all models.
 
 Derivatives are finite differences of that step, of one scalar: with ``later`` the costate after the step and ``rho``
 the slope of the reward in what it reads, the gradient in x of later . y(x, u) + rho . readings(x) at held u. A velocity
@@ -226,12 +226,13 @@ def _choose(
 
 
 @njit(**OPTIONS)
-def _integrate(fn: Functions, sim: Simulation, substeps: int) -> None:
-    """The rest of a learner's step of so many parts, the first of which has its forces; sim.ctrl is held."""
-    call(None, fn.integrate, (sim.model, sim.data))
-    for _ in range(substeps - 1):
-        _forward(fn, sim, NONE, 1)
+def _move(fn: Functions, sim: Simulation, steps: int, skip: int) -> None:
+    """Move on by a learner's step if ``steps`` is 0, else by so many of the model's own; sim.ctrl is held."""
+    if steps == 0:
+        _forward(fn, sim, skip, 1)
         call(None, fn.integrate, (sim.model, sim.data))
+    for _ in range(steps):
+        call(None, fn.step, (sim.model, sim.data))
 
 
 @entry_point(**OPTIONS)
@@ -242,27 +243,19 @@ def step(
     ac: Actuation,
     x: Array,
     u: Array,
-    substeps: int,
     steps: int,
     first: int,
     last: int,
     y: Array,
 ) -> None:
-    """Columns first .. last of y (p, N), which may be x: x (p, N) after a learner's step with u (q, N) held.
-
-    Or after so many of the model's own ``steps``, if that is not 0.
-    """
+    """Columns first .. last of y (p, N), which may be x: x (p, N) after ``steps`` (see _move) with u (q, N) held."""
     now = np.empty(x.shape[0])
     for n in range(first, last):
         now[:] = x[:, n]
         _set(sim, co, now)
         for k in range(u.shape[0]):
             _hold(sim, ac, k, u[k, n])
-        if steps == 0:
-            _forward(fn, sim, NONE, 1)
-            _integrate(fn, sim, substeps)
-        for _ in range(steps):
-            call(None, fn.step, (sim.model, sim.data))
+        _move(fn, sim, steps, NONE)
         _get(sim, co, now)
         y[:, n] = now
 
@@ -303,24 +296,22 @@ def respond(
     co: Coordinates,
     ac: Actuation,
     x: Array,
-    substeps: int,
     first: int,
     last: int,
     coast: Array,
     gain: Array,
 ) -> None:
-    """Columns first .. last: where x (p, N) comes to after a learner's step, by what is held meanwhile.
+    """Columns first .. last: where x (p, N) comes to after a step, by what is held meanwhile.
 
     ``coast`` (p, N) is filled with the state after controls of 0, ``gain`` (q, p, N) with what a unit of each control
-    adds to it. A step in one part is affine in the controls but for quaternions: a difference of any size would do.
+    adds to it. One step is affine in the controls but for quaternions, so that a difference of any size would do.
     """
     now = np.empty(x.shape[0])
     for n in range(first, last):
         now[:] = x[:, n]
         _set(sim, co, now)
         _rest(sim, ac)
-        _forward(fn, sim, NONE, 1)
-        _integrate(fn, sim, substeps)
+        _move(fn, sim, 0, NONE)
         _get(sim, co, now)
         coast[:, n] = now
         for k in range(gain.shape[0]):
@@ -328,9 +319,7 @@ def respond(
             _set(sim, co, now)
             small = PUSH * ac.limits[k]
             _hold(sim, ac, k, small)
-            # After one part alone, what depends on positions and velocities is still that of x
-            _forward(fn, sim, VELOCITY if substeps == 1 else NONE, 1)
-            _integrate(fn, sim, substeps)
+            _move(fn, sim, 0, VELOCITY)  # positions and velocities are as they were
             _hold(sim, ac, k, 0.0)
             _get(sim, co, now)
             gain[k, :, n] = (now - coast[:, n]) / small
@@ -416,17 +405,10 @@ class _Base(NamedTuple):
 
 @njit(**OPTIONS)
 def _advance(
-    fn: Functions,
-    sim: Simulation,
-    readings: Readings,
-    substeps: int,
-    skip: int,
-    base: _Base,
-    keep: bool,
-    rho: Array,
+    fn: Functions, sim: Simulation, readings: Readings, skip: int, base: _Base, keep: bool, rho: Array
 ) -> float:
     """rho . what is read, then a step; with ``keep`` the readings are kept in ``base``, else their change counts."""
-    _forward(fn, sim, skip if substeps == 1 else NONE, readings.skip_sensors)
+    _forward(fn, sim, skip, readings.skip_sensors)
     total = 0.0
     for k in range(readings.address.size):
         value = load(np.float64, readings.address[k], 0, 1)
@@ -434,7 +416,7 @@ def _advance(
             base.readings[k] = value
         else:
             total += rho[k] * (value - base.readings[k])
-    _integrate(fn, sim, substeps)
+    call(None, fn.integrate, (sim.model, sim.data))
     return total
 
 
@@ -463,7 +445,6 @@ def _gradient(
     sim: Simulation,
     co: Coordinates,
     readings: Readings,
-    substeps: int,
     x: Array,
     later: Array,
     rho: Array,
@@ -474,7 +455,7 @@ def _gradient(
 ) -> None:
     """Fill out (p,) with the gradient at x of later . y + rho . readings; sim.ctrl is the control."""
     _set(sim, co, x)
-    _advance(fn, sim, readings, substeps, NONE, base, True, rho)
+    _advance(fn, sim, readings, NONE, base, True, rho)
     base.qpos[:], base.qvel[:], base.act[:] = sim.qpos, sim.qvel, sim.act
     for k in range(co.scalar_row.size):
         base.of_scalar[k] = later[co.scalar_row[k]]
@@ -497,23 +478,23 @@ def _gradient(
             sign = 1.0 - 2.0 * side
             _set(sim, co, x)
             sim.qvel[co.velocity_dof[k]] += sign * epsilon
-            moved = _advance(fn, sim, readings, substeps, POSITION, base, False, rho) + _change(sim, co, base)
+            moved = _advance(fn, sim, readings, POSITION, base, False, rho) + _change(sim, co, base)
             out[co.velocity_row[k]] += scale * sign * moved
     for k in range(co.activation_row.size):
         for side in range(sides):
             sign = 1.0 - 2.0 * side
             _set(sim, co, x)
-            if k == 0 and side == 0 and co.velocity_row.size > 0 and substeps == 1:
+            if k == 0 and side == 0 and co.velocity_row.size > 0:
                 _forward(fn, sim, POSITION, readings.skip_sensors)  # velocities as they were
             sim.act[k] += sign * epsilon
-            moved = _advance(fn, sim, readings, substeps, VELOCITY, base, False, rho) + _change(sim, co, base)
+            moved = _advance(fn, sim, readings, VELOCITY, base, False, rho) + _change(sim, co, base)
             out[co.activation_row[k]] += scale * sign * moved
     for k in range(co.scalar_row.size):
         for side in range(sides):
             sign = 1.0 - 2.0 * side
             _set(sim, co, x)
             sim.qpos[co.scalar_qpos[k]] += sign * epsilon
-            moved = _advance(fn, sim, readings, substeps, NONE, base, False, rho) + _change(sim, co, base)
+            moved = _advance(fn, sim, readings, NONE, base, False, rho) + _change(sim, co, base)
             out[co.scalar_row[k]] += scale * sign * moved
     for k in range(co.quaternion_row.size):
         for axis in range(3):
@@ -522,7 +503,7 @@ def _gradient(
                 sign = 1.0 - 2.0 * side
                 _set(sim, co, x)
                 _turned(sim.qpos, co.quaternion_qpos[k], axis, sign * epsilon)
-                moved = _advance(fn, sim, readings, substeps, NONE, base, False, rho) + _change(sim, co, base)
+                moved = _advance(fn, sim, readings, NONE, base, False, rho) + _change(sim, co, base)
                 slope += scale * sign * moved
             _set(sim, co, x)
             _add_from_tangent(sim.qpos, co.quaternion_qpos[k], axis, 4 * slope, out, co.quaternion_row[k])
@@ -540,7 +521,6 @@ def pull_back(
     dVdx: Array,
     drdx: Array,
     rho: Array,
-    substeps: int,
     l: float,
     discount: float,
     epsilon: float,
@@ -576,7 +556,7 @@ def pull_back(
             now[:], weight[:] = x[t, :, n], rho[t, :, n]
             for k in range(q):
                 _hold(sim, ac, k, u[t, k, n])
-            _gradient(fn, sim, co, readings, substeps, now, later, weight, epsilon, centred, base, g)
+            _gradient(fn, sim, co, readings, now, later, weight, epsilon, centred, base, g)
             for i in range(p):
                 g[i] += drdx[t, i, n]
                 out[t, i, n] = g[i]

@@ -123,8 +123,6 @@ class MujocoProblem:
         overstep within that time, less of it is used.
     threads : int, optional
         All cores by default. Results do not depend on it.
-    substeps : int
-        Parts of a learner's step, which is else one of semi-implicit Euler: for steps that are long for the model.
     """
 
     def __init__(
@@ -142,14 +140,11 @@ class MujocoProblem:
         control_limits: Sequence[float] | None = None,
         held: bool = True,
         threads: int | None = None,
-        substeps: int = 1,
     ) -> None:
         if not 0 < s_gamma < math.inf:
             raise ValueError(f"s_gamma must be positive and finite, got {s_gamma!r}")
         if threads is not None and threads < 1:
             raise ValueError(f"threads must be at least 1, got {threads!r}")
-        if substeps < 1:
-            raise ValueError(f"substeps must be at least 1, got {substeps!r}")
         self.name, self.s_gamma = name, s_gamma
         self.model = model = own_model(load_model(model))
         self.control_timestep = model.opt.timestep if control_timestep is None else control_timestep
@@ -159,7 +154,7 @@ class MujocoProblem:
         self._draw = partial(_anywhere, model) if draw is None else draw
         starts = self._draw(np.random.default_rng(0), 2)
         self.goal_size = 0 if starts.goal is None else starts.goal.shape[1]
-        self._threads, self.held, self.substeps = threads, held, substeps
+        self._threads, self.held = threads, held
         if _declares_friction(model):
             hold(self)
         constant = control_cost is None or not callable(control_cost)
@@ -236,7 +231,6 @@ class MujocoProblem:
             held=self.held,
             s_gamma=self.s_gamma,
             control_timestep=self.control_timestep,
-            substeps=self.substeps,
         )
 
     def read(self, x: Array) -> Array:

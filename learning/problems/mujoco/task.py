@@ -76,8 +76,6 @@ class MujocoTask:
     """Choose controls for the time for which they are held, not for the instant."""
     threads: int | None = None
     """All cores by default; what is learned does not depend on it."""
-    substeps: int | None = None
-    """Parts of a learner's step; None: what is known to learn the task, or 1."""
 
     def __post_init__(self) -> None:
         self._first  # noqa: B018 - an environment that does not exist is refused first
@@ -143,7 +141,6 @@ class MujocoTask:
             control_limits=self.limits,
             held=self.held,
             threads=self.threads,
-            substeps=task.substeps if self.substeps is None else self.substeps,
         )
 
     # ControlProblem ------------------------------------------------------------------------------------------------

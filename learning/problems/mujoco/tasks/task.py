@@ -42,7 +42,5 @@ class Task(NamedTuple):
     """qpos in coordinates in which there is no goal, from qpos and goal; the goal is then no part of the state."""
     s_gamma: float = 1.0
     """Shortness factor that learns it well, 1/s."""
-    substeps: int = 1
-    """Parts of a learner's step of a control timestep, so that it moves as the environment does."""
     advice: Mapping[str, Any] = {}
     """Settings of value gradients that learn it well."""

@@ -218,23 +218,6 @@ def test_refuses_bad_arguments_in_one_line(reward, options, complaint):
         MujocoProblem(ARM, reward, **options)
 
 
-def test_a_step_in_parts_is_that_many_shorter_ones():
-    """And so are where it comes to without control, and what a little control adds."""
-    whole, half = MujocoProblem(ARM, reach, without=(), substeps=2), MujocoProblem(ARM, reach, without=())
-    rng = np.random.default_rng(4)
-    x, u = whole.initial_states(rng, 32), rng.uniform(-1, 1, (32, 2))
-    np.testing.assert_array_equal(whole.step(x, u, 0.02), half.step(half.step(x, u, 0.01), u, 0.01))
-    coast, gain = whole.batch().responses(np.ascontiguousarray(x.T), 0.02)
-    np.testing.assert_array_equal(coast.T, whole.step(x, 0 * u, 0.02))
-    for k in range(2):
-        push = np.zeros_like(u)
-        push[:, k] = 1e-3
-        added = whole.step(x, push, 0.02) - whole.step(x, 0 * u, 0.02)
-        np.testing.assert_allclose(gain[k].T, added / 1e-3, rtol=0, atol=1e-9)
-    with pytest.raises(ValueError, match="substeps must be at least 1, got 0"):
-        MujocoProblem(ARM, reach, substeps=0)
-
-
 def test_a_missing_file_is_named():
     with pytest.raises(FileNotFoundError, match=r"there is no model nowhere\.xml"):
         MujocoProblem("nowhere.xml", reach)
