@@ -188,9 +188,11 @@ def train(
     if caution is not None and not resume and (line := caution()):
         print_line(console, line)
     advance = partial(train_runs, console, on_divergence=on_divergence, tensorboard=tensorboard)
+    fastest: dict[str, str] = {}
     if halve and seconds is not None:
-        fastest = train_halving(runs, seconds, lambda turn, share: advance(turn, seconds=share))
-        print_line(console, f"the fastest in the end: {fastest.directory}")
+        left = train_halving(runs, seconds, lambda turn, share: advance(turn, seconds=share))
+        fastest["fastest"] = str(left.directory)
+        print_line(console, f"the fastest in the end: {left.directory}")
     else:
         advance(runs, trials=trials, seconds=seconds)
     results = [
@@ -203,7 +205,7 @@ def train(
         for r in runs
     ]
     if json:
-        print_json({"runs": results})
+        print_json({"runs": results, **fastest})
 
 
 def _typed(values: dict[str, Any]) -> set[str]:
