@@ -49,6 +49,8 @@ class MujocoBatch:
         c, if it does not depend on the state.
     centred : bool
         Central differences in place of forward ones, at twice the cost.
+    timestep : float
+        The model's own, s.
     held : bool
         Choose controls for the time for which they are held (:func:`held_control`), in place of for the instant.
     s_gamma, control_timestep : float
@@ -66,6 +68,7 @@ class MujocoBatch:
         constant_cost: Array | None = None,
         centred: bool = False,
         *,
+        timestep: float,
         held: bool = True,
         s_gamma: float = 1.0,
         control_timestep: float | None = None,
@@ -74,7 +77,7 @@ class MujocoBatch:
         self._co, self._ac = coordinates, actuation
         self._rate, self._constant_cost = rate, constant_cost
         self._centred = centred
-        self._timestep = float(actor.model.opt.timestep)
+        self._timestep = timestep
         self.held, self._s_gamma = held, s_gamma
         self._control_timestep = self._timestep if control_timestep is None else control_timestep
 

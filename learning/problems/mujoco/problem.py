@@ -218,8 +218,8 @@ class MujocoProblem:
     def batch(self, centred: bool = False) -> MujocoBatch:
         """Its compiled loops, with buffers of their own; with central differences if ``centred``."""
         co, ac, readings, threads = self.layout.coordinates, self._actuation, self.readings, self._threads
-        learner = Simulations(learners_model(self.model), self._home, readings, threads)
-        actor = Simulations(own_model(self.model), self._home, readings, threads)
+        learner = Simulations(partial(learners_model, self.model), self._home, readings, threads)
+        actor = Simulations(partial(own_model, self.model), self._home, readings, threads)
         return MujocoBatch(
             learner,
             actor,
@@ -228,6 +228,7 @@ class MujocoProblem:
             self.rate,
             self._constant_cost,
             centred,
+            timestep=float(self.model.opt.timestep),
             held=self.held,
             s_gamma=self.s_gamma,
             control_timestep=self.control_timestep,

@@ -45,17 +45,26 @@ def learners_model(model: Any) -> Any:
 
 
 class Simulations:
-    """As many mjData of one model as there are threads, at most ``threads``, made when they are needed.
+    """As many mjData of one model as there are threads, at most ``threads``; they and it are made when they are needed.
 
-    Nobody else may use the model, whose time step :meth:`run` sets.
+    Nobody else may use the model that ``make`` gives, whose time step :meth:`run` sets.
     """
 
     def __init__(
-        self, model: Any, home: Array, readings: tuple[Reading, ...], threads: int | None = None
+        self,
+        make: Callable[[], Any],
+        home: Array,
+        readings: tuple[Reading, ...],
+        threads: int | None = None,
     ) -> None:
-        self.model, self._home, self._readings = model, home, readings
+        self._make, self._home, self._readings = make, home, readings
         self.n_readings = sum(reading.size for reading in readings)
         self._threads = threads or os.cpu_count() or 1
+
+    @cached_property
+    def model(self) -> Any:
+        """What is stepped."""
+        return self._make()
 
     @cached_property
     def functions(self) -> Functions:
