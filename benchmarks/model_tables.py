@@ -19,6 +19,7 @@ __all__ = [
     "own_models",
     "published",
     "reacher_bound",
+    "several_seeds",
     "swimmer_as_mjcf",
     "swimmer_coordinates",
 ]
@@ -115,6 +116,36 @@ def swimmer_coordinates() -> Summary:
         ("V of, torques", "seeds", "seconds of a core", "steady speed, m/s", "worst seed"),
         ".2f",
     )
+
+
+def several_seeds() -> Summary:
+    """Four learners of which the faster go on, ten times."""
+    rows = _rows("several-seeds.csv")
+    found: list[tuple[str, ...]] = []
+    for links in sorted({row["links"] for row in rows}):
+        times = [row for row in rows if row["links"] == links]
+        steady = np.array([float(row["steady_speed"]) for row in times])
+        found.append(
+            (
+                links,
+                str(len(times)),
+                f"{times[0]['seconds']} s, {times[0]['cores']} cores",
+                mean_and_interval_text(steady, ".2f"),
+                f"{steady.min():.2f}",
+                f"{np.count_nonzero(steady >= 2.6)}",
+                f"{np.count_nonzero(steady >= 3.0)}",
+            )
+        )
+    head = (
+        "links",
+        "times",
+        "in",
+        "steady speed, m/s",
+        "slowest",
+        "of 2.6 m/s or more",
+        "of 3.0 m/s or more",
+    )
+    return Summary("", head, found)
 
 
 def _by_time(
