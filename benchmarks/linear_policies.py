@@ -17,10 +17,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 import tyro
-from any_model import COLUMNS, FIRST_LOOK, FRESH, GROWTH, LOOKED_AT
+from any_model import COLUMNS, FRESH, LOOKED_AT, LOOKS
 from numpy.typing import NDArray
 from rich.console import Console
-from yardstick import Clock, Row, append, finished
+from yardstick import Row, append, finished, looks
 
 OUT = Path(__file__).parent / "results" / "linear-policies.csv"
 POPULATION, ELITE = 40, 8
@@ -68,25 +68,21 @@ def search(name: str, seed: int, seconds: float, console: Console) -> list[Row]:
         console.print(*rows[-1])
         return float(returns.mean())
 
-    look, clock = min(FIRST_LOOK, seconds), Clock()
-    while True:
+    def generation() -> None:
+        nonlocal mean, deviation, least, steps
         gains = mean + deviation * rng.normal(size=(POPULATION, *mean.shape))
         played = [play(env, K) for K in gains]
         steps += sum(taken for _, taken in played)
         mean, deviation = refit(gains, np.array([total for total, _ in played]), least)
         least *= SHRINKS_TO
-        processor, _ = clock.read()
-        if processor < look:
-            continue
-        clock.stop()
-        looked = row("of the law's mean", processor, mean, LOOKED_AT)
+
+    for clock in looks(generation, LOOKS, seconds):
+        at = clock.before[0]
+        looked = row("of the law's mean", at, mean, LOOKED_AT)
         if looked > best_return:
-            best, best_return, best_time = mean, looked, processor
-        if processor >= seconds:
-            row("best", best_time, best, FRESH)
-            return rows
-        look = min(look * GROWTH, seconds)
-        clock.start()
+            best, best_return, best_time = mean, looked, at
+    row("best", best_time, best, FRESH)
+    return rows
 
 
 def main(

@@ -21,7 +21,7 @@ import tyro
 from numpy.typing import NDArray
 from rich.console import Console
 from torch import Tensor
-from yardstick import Clock, Row, append, finished
+from yardstick import Row, append, finished, looks
 
 from swimmer_mj.learning.networks.networks import Multilayer
 from swimmer_mj.learning.problems.mujoco import MujocoProblem
@@ -36,7 +36,7 @@ OUT = HERE / "results" / "own-models.csv"
 COLUMNS = ("model", "seed", "cpu_seconds", "at_the_goal_share", "distance_mean", "distance_max")
 EPISODES = 64
 EPISODE = 4.0  # s
-FIRST_LOOK, GROWTH = 5.0, 1.5
+LOOKS = (5.0, 7.5, 11.0, 17.0, 25.0, 40.0, 60.0, 90.0, 130.0, 200.0)  # s
 
 Array = NDArray[np.float64]
 
@@ -161,21 +161,12 @@ def learn(name: str, seed: int, seconds: float, console: Console) -> list[Row]:
     )
     learner.step()  # compiles
     rows: list[Row] = []
-    look, clock = min(FIRST_LOOK, seconds), Clock()
-    while True:
-        learner.step()
-        processor, _ = clock.read()
-        if processor < look:
-            continue
-        clock.stop()
-        away = judge(problem, own, learner.policy().acting())
+    for clock in looks(learner.step, LOOKS, seconds):
+        away, at = judge(problem, own, learner.policy().acting()), clock.before[0]
         there = (away < own.near).all(axis=1).mean()
-        rows.append((name, seed, f"{processor:.1f}", *(f"{y:.4f}" for y in (there, away.mean(), away.max()))))
+        rows.append((name, seed, f"{at:.1f}", *(f"{y:.4f}" for y in (there, away.mean(), away.max()))))
         console.print(*rows[-1])
-        if processor >= seconds:
-            return rows
-        look = min(look * GROWTH, seconds)
-        clock.start()
+    return rows
 
 
 def main(
