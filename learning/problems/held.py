@@ -33,6 +33,7 @@ SWEEPS = 10
 """Of coordinate ascent, if there is more than one coordinate."""
 
 
+@np.errstate(invalid="ignore", over="ignore")  # of trajectories that have run away
 def held_control(slope_at: Slope, coast: Array, gain: Array, limits: Array, price: Array) -> Array:
     """argmax over abs(u_i) <= limits_i of V(coast + gain u) - sum_i price_i u_i^2, by quadratic models of it.
 

@@ -111,3 +111,9 @@ def test_a_way_is_gone_to_its_end_or_to_its_top():
     """Along one control from 0 to 1: up at the end, over the top at 1/4, and down from the beginning."""
     way, start = np.ones((1, 3)), np.array([[1.0, 1.0, -1.0]])
     np.testing.assert_allclose(share_of_way(start, np.array([[0.5, -3.0, -2.0]]), way), [1.0, 0.25, 0.0])
+
+
+def test_a_state_that_has_run_away_says_nothing_and_harms_no_other():
+    coast, gain = np.array([[-0.3, np.inf, np.nan]]), np.ones((1, 1, 3))
+    u = held_control(bowl(np.zeros(1), np.ones(1)), coast, gain, np.ones(1), np.zeros((1, 3)))
+    assert abs(u[0, 0] - 0.3) < 1e-12
