@@ -61,8 +61,13 @@ def held_control(slope_at: Slope, coast: Array, gain: Array, limits: Array, pric
     """
     q = len(limits)
 
+    end = np.empty_like(coast)
+
     def slope(u: Array) -> Array:
-        return (gain * slope_at(coast + (gain * u[:, None]).sum(axis=0))).sum(axis=1) - 2 * price * u
+        _lead(coast, gain, u, end)
+        out = np.empty_like(u)
+        _project(gain, np.ascontiguousarray(slope_at(end)), price, u, out)
+        return out
 
     u = np.zeros((q, coast.shape[1]))
     for reach in REACHES:
@@ -90,6 +95,28 @@ def share_of_way(start: Array, end: Array, way: Array) -> Array:
     share = np.ones_like(rise)
     np.divide(rise, rise + fall, out=share, where=fall > 0)
     return share
+
+
+@entry_point(**OPTIONS)
+def _lead(coast: Array, gain: Array, u: Array, end: Array) -> None:
+    """End = coast + sum_k gain_k u_k."""
+    for i in range(coast.shape[0]):
+        for b in range(coast.shape[1]):
+            total = coast[i, b]
+            for k in range(u.shape[0]):
+                total += gain[k, i, b] * u[k, b]
+            end[i, b] = total
+
+
+@entry_point(**OPTIONS)
+def _project(gain: Array, slope: Array, price: Array, u: Array, out: Array) -> None:
+    """The slope in u of what has that slope in the state, less what u costs."""
+    for k in range(u.shape[0]):
+        for b in range(u.shape[1]):
+            total = -2 * price[k, b] * u[k, b]
+            for i in range(slope.shape[0]):
+                total += gain[k, i, b] * slope[i, b]
+            out[k, b] = total
 
 
 @entry_point(**OPTIONS)
