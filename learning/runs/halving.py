@@ -7,7 +7,6 @@ seeds, of which the slower half is left where it stands after each stage, than o
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Sequence
 
 from swimmer_mj.learning.runs.run import TrainingRun
@@ -19,8 +18,6 @@ def train_halving(
     runs: Sequence[TrainingRun],
     seconds: float,
     train: Callable[[Sequence[TrainingRun], float], None],
-    *,
-    workers: int | None = None,
 ) -> TrainingRun:
     """Train ``runs`` for ``seconds`` in all, in stages of one length; after each, the faster half goes on.
 
@@ -32,22 +29,17 @@ def train_halving(
         Wall-clock time of all stages together.
     train : callable
         (runs, seconds): advance them side by side.
-    workers : int, optional
-        Runs at a time; as many as there are cores by default. More of them take turns within a stage.
 
     Returns
     -------
     TrainingRun
         The one that had all stages.
     """
-    workers = workers or os.cpu_count() or 1
     going = list(runs)
     stages = 1 + math.ceil(math.log2(len(going)))
     for stage in range(stages):
         if stage > 0:
             fastest = sorted(going, key=lambda run: run.best_speed, reverse=True)
             going = fastest[: (len(going) + 1) // 2]
-        turns = [going[k : k + workers] for k in range(0, len(going), workers)]
-        for turn in turns:
-            train(turn, seconds / stages / len(turns))
+        train(going, seconds / stages)
     return going[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import threading
 import time
@@ -234,7 +235,7 @@ def train_together(
     trials : int, optional
         Each run stops at the first evaluation with at least this many trials.
     seconds : float, optional
-        Wall-clock time after which all runs stop and are saved as they stand.
+        Wall-clock time after which all runs stop and are saved as they stand. More of them than workers share it.
     enough : callable
         As soon as it is true of one run after an evaluation, all runs stop.
     report : callable
@@ -255,14 +256,15 @@ def train_together(
         When another process learns in one of the directories; nothing was learned then.
     """
     restore = on_divergence == "restore"
-    deadline = np.inf if seconds is None else time.monotonic() + seconds
     finished = threading.Event()
     diverged: list[str] = []
 
-    def over() -> bool:
-        return finished.is_set() or time.monotonic() > deadline or stop()
-
     def work(pack: Pack) -> None:
+        deadline = time.monotonic() + share
+
+        def over() -> bool:
+            return finished.is_set() or time.monotonic() > deadline or stop()
+
         try:
             while pack.runs and not over():
                 unfinished = [run for run in pack.runs if trials is None or run.evaluated_trial < trials]
@@ -284,7 +286,9 @@ def train_together(
     with contextlib.ExitStack() as held, ThreadPoolExecutor(workers) as pool:
         for run in runs:
             held.enter_context(run.held())
-        futures = [pool.submit(work, pack) for pack in Pack.of(runs, workers, restore)]
+        packs = Pack.of(runs, workers, restore)
+        share = np.inf if seconds is None else seconds / math.ceil(len(packs) / workers)
+        futures = [pool.submit(work, pack) for pack in packs]
         try:
             for future in futures:
                 future.result()

@@ -77,7 +77,8 @@ def train(
         seed: Seed of initial weights and initial states.
         seeds: Several seeds instead, trained side by side: 0-7, or 1,4,9.
         trials: Stop at the first evaluation with at least this many trials.
-        seconds: Stop after this many seconds. Without this and --trials: after 100,000 trials.
+        seconds: Stop after this many seconds, which more seeds than cores share. Without this and --trials: after
+            100,000 trials.
         links: Number of links of the swimmer; 5 by default, as in the paper.
         resume: Go on with the run that is in the directory, as it was configured.
         problem: What to learn: swim, pendulum, cart-pole; dm_control/DOMAIN/TASK or gymnasium/ID, on MuJoCo; a model
@@ -190,7 +191,7 @@ def train(
     advance = partial(train_runs, console, on_divergence=on_divergence, tensorboard=tensorboard)
     fastest: dict[str, str] = {}
     if halve and seconds is not None:
-        left = train_halving(runs, seconds, lambda turn, share: advance(turn, seconds=share))
+        left = train_halving(runs, seconds, lambda going, share: advance(going, seconds=share))
         fastest["fastest"] = str(left.directory)
         print_line(console, f"the fastest in the end: {left.directory}")
     else:

@@ -9,28 +9,28 @@ from swimmer_mj.learning.runs.halving import train_halving
 from swimmer_mj.learning.runs.run import TrainingRun
 
 
-def halved(bests, workers):
+def halved(bests):
     """Who learned when and for how long, if run k shows its best as soon as it has learned; and who was left."""
     runs = [SimpleNamespace(name=k, best_speed=-float("inf")) for k in range(len(bests))]
-    turns = []
+    stages = []
 
-    def train(turn, seconds):
-        turns.append(([run.name for run in turn], seconds))
-        for run in turn:
+    def train(going, seconds):
+        stages.append(([run.name for run in going], seconds))
+        for run in going:
             run.best_speed = bests[run.name]
 
-    return train_halving(runs, 120.0, train, workers=workers).name, turns
+    return train_halving(runs, 120.0, train).name, stages
 
 
-def test_four_runs_on_two_cores_take_turns_and_two_and_one_are_left():
-    left, turns = halved([1.0, 3.0, 4.0, 2.0], workers=2)
-    assert turns == [([0, 1], 20.0), ([2, 3], 20.0), ([2, 1], 40.0), ([2], 40.0)]
+def test_of_four_runs_two_and_one_are_left():
+    left, stages = halved([1.0, 3.0, 4.0, 2.0])
+    assert stages == [([0, 1, 2, 3], 40.0), ([2, 1], 40.0), ([2], 40.0)]
     assert left == 2
 
 
 def test_of_an_odd_number_the_larger_half_goes_on_and_a_run_without_a_best_is_slowest():
-    left, turns = halved([-float("inf"), 1.0, 0.5], workers=4)
-    assert turns == [([0, 1, 2], 40.0), ([1, 2], 40.0), ([1], 40.0)]
+    left, stages = halved([-float("inf"), 1.0, 0.5])
+    assert stages == [([0, 1, 2], 40.0), ([1, 2], 40.0), ([1], 40.0)]
     assert left == 1
 
 

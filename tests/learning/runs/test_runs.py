@@ -326,6 +326,13 @@ def test_runs_together_stop_in_time_and_keep_what_they_learned(tmp_path):
     assert torch.equal(resumed.learning.network.weight, run.learning.network.weight)
 
 
+def test_more_runs_than_workers_share_the_time(tmp_path):
+    runs = [TrainingRun(tmp_path / f"seed-{s}", small(s, evaluate_every=10**9)) for s in range(5)]
+    train_together(runs, seconds=1.5, workers=2)
+    assert min(run.trial for run in runs) > 0
+    assert sum(run.seconds for run in runs) < 2 * 1.5 * 3
+
+
 @pytest.mark.parametrize("engine", ["fused", "population", "torch"])
 def test_a_run_that_is_stopped_goes_on_where_it_stood(tmp_path, engine):
     config = small(engine=engine, neurons=4, trial_duration=0.2)
