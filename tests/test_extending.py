@@ -151,7 +151,7 @@ def test_the_double_pendulum_conserves_energy(outside, monkeypatch):
             ["--method", "grid_iteration:GridIteration", "--eta", "1"],
             "--eta is no option of problem 'swim', nor",
         ),
-        (["--set", "wings=2"], "there is no setting 'wings'; there are dt, dtype"),
+        (["--set", "wings=2"], "there is no setting 'wings'; there are coordinates, dt, dtype"),
         (["--set", "wings"], "--set must be like mass=2, got 'wings'"),
     ],
 )

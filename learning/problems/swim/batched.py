@@ -19,6 +19,7 @@ compiled once for any number of links.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -46,6 +47,7 @@ __all__ = [
     "make",
     "pullback",
     "responses",
+    "rk4",
     "step",
     "targets",
     "workspace",
@@ -302,14 +304,15 @@ def greedy_rk4(
 
 
 @entry_point(**OPTIONS)
-def step(
-    ws: Workspace, constants: ReducedConstants, x: Array, u: Array, dt: float, stages: int, y: Array
-) -> None:
-    """Fill y (p, N) with where a step of ``dt`` leads from x (p, N) under the torques u (q, N); y may be x.
+def step(ws: Workspace, constants: ReducedConstants, x: Array, u: Array, dt: float, y: Array) -> None:
+    """y (p, N) is where an Euler step of ``dt`` leads from x (p, N) under the torques u (q, N); may be ``x``."""
+    _step(ws, constants, u[:, 0], x, x, u, dt, 1, False, u, y)
 
-    An Euler step with 1 stage, one of the classical Runge-Kutta method with 4.
-    """
-    _step(ws, constants, u[:, 0], x, x, u, dt, stages, False, u, y)
+
+@entry_point(**OPTIONS)
+def rk4(ws: Workspace, constants: ReducedConstants, x: Array, u: Array, dt: float, y: Array) -> None:
+    """As :func:`step`, by the classical Runge-Kutta method."""
+    _step(ws, constants, u[:, 0], x, x, u, dt, 4, False, u, y)
 
 
 @entry_point(**OPTIONS)
@@ -527,7 +530,7 @@ class _Held:
 
     def advance(
         self,
-        stages: int,
+        move: Callable[..., None],
         slope_at: Slope,
         x: Array,
         dVdx: Array,
@@ -536,10 +539,10 @@ class _Held:
         u: Array,
         y: Array,
     ) -> None:
-        """A step as a BatchForm's; ``dVdx``, where torques do nothing yet, says too little."""
+        """A step by :func:`step` or :func:`rk4`, as a BatchForm's; ``dVdx`` is not asked for."""
         u[:] = flips * self.control(slope_at, x, dt or DT)
         if dt > 0:
-            step(self.ws, self.constants, x, u, dt, stages, y)
+            move(self.ws, self.constants, x, u, dt, y)
 
 
 def held(problem: Swimming) -> HoldForm | None:
@@ -563,10 +566,10 @@ def make(problem: Swimming) -> BatchForm | None:
     limits = problem.control_limits
     if problem.held:
         by_hold = _Held(problem)
-        euler, rk4 = partial(by_hold.advance, 1), partial(by_hold.advance, 4)
+        euler, exact = partial(by_hold.advance, step), partial(by_hold.advance, rk4)
     else:
         euler = lambda slope_at, *rest: greedy_step(ws, constants, limits, *rest)  # noqa: E731
-        rk4 = lambda slope_at, *rest: greedy_rk4(ws, constants, limits, *rest)  # noqa: E731
+        exact = lambda slope_at, *rest: greedy_rk4(ws, constants, limits, *rest)  # noqa: E731
     return BatchForm(
-        encoding, euler, rk4, partial(targets, ws, constants), lambda x, u: x[..., 2 * n, :], coordinates
+        encoding, euler, exact, partial(targets, ws, constants), lambda x, u: x[..., 2 * n, :], coordinates
     )
