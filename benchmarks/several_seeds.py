@@ -33,7 +33,14 @@ def command(*arguments: object) -> dict[str, Any]:
     return json.loads(subprocess.run(line, check=True, capture_output=True, text=True).stdout)
 
 
-def main(links: int = 5, first: int = 140, times: int = 10, seconds: float = 120.0, out: Path = OUT) -> None:
+def main(
+    links: int = 5,
+    first: int = 140,
+    times: int = 10,
+    seconds: float = 120.0,
+    evaluate_every: int = 1000,
+    out: Path = OUT,
+) -> None:
     """Learn and judge.
 
     Args:
@@ -41,6 +48,7 @@ def main(links: int = 5, first: int = 140, times: int = 10, seconds: float = 120
         first: The first seed.
         times: How often.
         seconds: Wall-clock time of each.
+        evaluate_every: Trials between the looks by which the faster are told.
         out: The table that rows are added to.
     """
     console = Console(highlight=False)
@@ -52,7 +60,8 @@ def main(links: int = 5, first: int = 140, times: int = 10, seconds: float = 120
                 continue
             runs = f"{folder}/{seed}"
             seeds = ("--seeds", f"{seed}-{seed + TEAM - 1}", "--halve", "--seconds", seconds)
-            learned = command("train", "--out", runs, *kind, *seeds)
+            looks = ("--evaluate-every", evaluate_every)
+            learned = command("train", "--out", runs, *kind, *seeds, *looks)
             found = command("evaluate", learned["fastest"])
             bests = " ".join(f"{run['best_speed'] or 0:.2f}" for run in learned["runs"])
             left = Path(learned["fastest"]).name.removeprefix("seed-")

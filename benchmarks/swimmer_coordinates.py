@@ -41,7 +41,6 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "state, held": {"held": True},
     "joints, instant": {"coordinates": "joints"},
     "joints, held": {"coordinates": "joints", "held": True},
-    "joints, held, 6 links": {"coordinates": "joints", "held": True, "links": 6},
 }
 
 

@@ -10,7 +10,7 @@ import several_seeds
 def test_the_one_that_is_left_is_judged_and_not_learned_again(tmp_path):
     out = tmp_path / "log.csv"
     for _ in range(2):
-        several_seeds.main(links=2, first=1, times=1, seconds=6.0, out=out)
+        several_seeds.main(links=2, first=1, times=1, seconds=6.0, evaluate_every=20, out=out)
     with out.open(newline="", encoding="utf-8") as file:
         (row,) = csv.DictReader(file)
     assert (row["links"], row["seed"], row["seeds"]) == ("2", "1", "4")

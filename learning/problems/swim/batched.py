@@ -34,7 +34,6 @@ from swimmer_mj.learning.problems.forms import BatchForm, Encoding, HoldForm
 from swimmer_mj.learning.problems.held import Slope, held_control
 from swimmer_mj.learning.problems.problem import DT
 from swimmer_mj.learning.problems.swim import joints
-from swimmer_mj.learning.problems.swim.joints import batch_coordinates
 from swimmer_mj.learning.problems.swim.reduced import ReducedConstants, reduced_constants
 from swimmer_mj.learning.problems.swim.swimming import RATE_SCALE, Swimming
 
@@ -559,7 +558,7 @@ def make(problem: Swimming) -> BatchForm | None:
     encoding = Encoding(
         angles, angles, n + angles, linear, linear + n, np.array([RATE_SCALE] * n + [1.0, 1.0])
     )
-    coordinates = batch_coordinates(problem)
+    coordinates = joints.batch_coordinates(problem)
     if coordinates is not None:
         encoding = joints.encoding(n)
     ws, constants = workspace(n), reduced_constants(problem.parameters)

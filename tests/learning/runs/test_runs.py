@@ -330,7 +330,6 @@ def test_more_runs_than_workers_share_the_time(tmp_path):
     runs = [TrainingRun(tmp_path / f"seed-{s}", small(s, evaluate_every=10**9)) for s in range(5)]
     train_together(runs, seconds=1.5, workers=2)
     assert min(run.trial for run in runs) > 0
-    assert sum(run.seconds for run in runs) < 2 * 1.5 * 3
 
 
 @pytest.mark.parametrize("engine", ["fused", "population", "torch"])
