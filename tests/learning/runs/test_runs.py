@@ -369,6 +369,7 @@ def test_runs_that_were_killed_at_different_moments_go_on_in_one_pack(tmp_path):
 
 def test_what_is_learned_is_saved_between_evaluations(tmp_path, monkeypatch):
     monkeypatch.setattr(together, "SAVE_SECONDS", 0.0)
+    monkeypatch.setattr(together, "STRETCH_SECONDS", 1e6)  # so that no slow moment makes a stretch shorter
     run = TrainingRun(tmp_path / "run", small())
     seen = []
 
