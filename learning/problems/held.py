@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from swimmer_mj.compiled.cache import entry_point
 from swimmer_mj.compiled.vectors import OPTIONS
 
-__all__ = ["Slope", "argmax_in_box", "held_control", "share_of_way"]
+__all__ = ["Slope", "held_control", "share_of_way"]
 
 Array = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ def held_control(slope_at: Slope, coast: Array, gain: Array, limits: Array, pric
             curvature[i] = (slope(pushed) - here) / push
         curvature = (curvature + curvature.swapaxes(0, 1)) / 2
         top = u.copy()
-        argmax_in_box(here - (curvature * u).sum(axis=1), curvature, limits, top)
+        _argmax_in_box(here - (curvature * u).sum(axis=1), curvature, limits, top)
         way = top - u
         u += share_of_way(here, slope(u + way), way) * way
     return u
@@ -120,7 +120,7 @@ def _project(gain: Array, slope: Array, price: Array, u: Array, out: Array) -> N
 
 
 @entry_point(**OPTIONS)
-def argmax_in_box(slope: Array, curvature: Array, limits: Array, u: Array) -> None:
+def _argmax_in_box(slope: Array, curvature: Array, limits: Array, u: Array) -> None:
     """Move u (q, N) to the argmax over abs(u_i) <= limits_i of slope . u + u . curvature u / 2, by coordinate ascent.
 
     Exact for one control, and in the limit of many sweeps where the curvature is negative definite; elsewhere a point
