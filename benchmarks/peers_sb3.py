@@ -28,31 +28,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import gymnasium
 import numpy as np
 import torch
 import tyro
-from gymnasium import spaces
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
+from peers.sb3 import HOLD, Swimmers, inputs
 from rich.console import Console
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import NormalActionNoise
-from stable_baselines3.common.vec_env import VecEnv
 from yardstick import Clock, Row, append, finished, row, swimming_speed
 
-from swimmer_mj.environments.vector import SwimmerVectorEnv
-from swimmer_mj.learning.problems.swim import Swimming
-from swimmer_mj.parameters import PAPER
-
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "peers-sb3.csv"
-
-HOLD = 5
-"""Control steps of 0.01 s for which an action is held."""
-
-EPISODE_STEPS = 100
-"""Actions in a training episode: 5 s, as the paper's trials."""
 
 DISCOUNT = math.exp(-0.3 * 0.01 * HOLD)
 OFF_POLICY = {"n_envs": 8, "learning_rate": 1e-3, "gamma": DISCOUNT, "train_freq": 1, "gradient_steps": 4}
@@ -71,68 +58,6 @@ LEARNERS = {"ppo": PPO, "sac": SAC, "td3": TD3}
 SECONDS = {"ppo": 180.0, "sac": 540.0, "td3": 300.0}
 Algorithm = Literal["ppo", "sac", "td3"]
 Array = NDArray[np.float64]
-
-
-def inputs(states: Array) -> NDArray[np.float32]:
-    """The inputs of this project's networks: cos and sin of angles, scaled rates, velocity; shape (..., 3n + 2)."""
-    return Swimming(PAPER).inputs(torch.from_numpy(np.asarray(states))).numpy().astype(np.float32)
-
-
-class Swimmers(VecEnv):
-    """The vector environment as Stable-Baselines3 wants one."""
-
-    def __init__(self, n_envs: int, seed: int) -> None:
-        self.swimmers = SwimmerVectorEnv(
-            "swim5",
-            n_envs,
-            max_episode_steps=EPISODE_STEPS,
-            autoreset_mode=AutoresetMode.SAME_STEP,
-            nthread=1,
-            frame_skip=HOLD,
-        )
-        box = spaces.Box(-np.inf, np.inf, (Swimming(PAPER).n_inputs,), np.float32)
-        super().__init__(n_envs, box, self.swimmers.single_action_space)
-        self.first_seed: int | None = seed
-
-    def reset(self) -> NDArray[np.float32]:
-        """Start an episode in each."""
-        states, _ = self.swimmers.reset(seed=self.first_seed)
-        self.first_seed = None
-        return inputs(states)
-
-    def step_async(self, actions: NDArray[Any]) -> None:
-        """Take note of what to do."""
-        self.actions = actions
-
-    def step_wait(
-        self,
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Do it."""
-        states, rewards, _, truncations, more = self.swimmers.step(self.actions)
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for i in np.flatnonzero(truncations):
-            infos[i] = {"terminal_observation": inputs(more["final_obs"][i]), "TimeLimit.truncated": True}
-        return inputs(states), rewards.astype(np.float32), truncations, infos
-
-    def close(self) -> None:
-        """Free the simulations."""
-        self.swimmers.close()
-
-    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """The attribute of each."""
-        return [getattr(self.swimmers, attr_name)] * len(list(self._get_indices(indices)))
-
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Not needed."""
-        raise NotImplementedError(attr_name)
-
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Not needed."""
-        raise NotImplementedError(method_name)
-
-    def env_is_wrapped(self, wrapper_class: type[gymnasium.Wrapper], indices: Any = None) -> list[bool]:
-        """None is."""
-        return [False] * len(list(self._get_indices(indices)))
 
 
 class Evaluate(BaseCallback):

@@ -19,12 +19,12 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 import tyro
-from model_peers import TUNING_SEED, log
 from numpy.typing import NDArray
 from peers.ddp import Ddp, DdpSettings
 from peers.engine import SwimEngine
 from peers.mppi import Mppi, MppiSettings
 from rich.console import Console
+from tournament import TUNING_SEED, log
 from yardstick import CONTROL_TIMESTEP
 
 from swimmer_mj.compiled.vectors import LANES

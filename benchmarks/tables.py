@@ -12,8 +12,6 @@ import compare_learners
 import numpy as np
 import robustness
 from compare_learners import Curve, reached
-from model_peers import OUT as PEERS_LOG
-from model_peers import curves as peers_curves
 from open_loop_wave import OUT as WAVE_LOG
 from planners import OUT as PLANNERS_LOG
 
@@ -26,6 +24,7 @@ SPEED = RESULTS / "learning-speed.json"
 PLATFORMS_LOG = RESULTS / "platforms.csv"
 KILLED_NODE = RESULTS / "killed-node.log"
 START_UP = RESULTS / "start-up.json"
+PEERS_LOG = RESULTS / "model-peers.csv"
 PLANNER_NAMES = {"ilqr": "iLQR", "ddp": "DDP", "mppi": "MPPI"}
 PAPER_RATE = 2.5e6 * 500 / (7 * 86400)  # steps/s: 2.5 million trials in a week
 
@@ -308,6 +307,18 @@ def run_cost() -> Summary:
         ("bytes back", thousands(measured["bytes from a task"])),
     ]
     return Summary("", ("what", "value"), rows)
+
+
+def peers_curves() -> dict[str, list[Curve]]:
+    """The looks of a final of a minute, by learner, seed by seed."""
+    looks: dict[str, dict[str, list[tuple[float, ...]]]] = {}
+    with PEERS_LOG.open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            if row["stage"] == "final":
+                look = tuple(float(row[name]) for name in Curve._fields)
+                looks.setdefault(row["algorithm"], {}).setdefault(row["seed"], []).append(look)
+    order = [name for name in compare_learners.NAMES if name in looks]
+    return {name: [Curve(*np.array(one).T) for one in looks[name].values()] for name in order}
 
 
 def model_peers() -> Summary:

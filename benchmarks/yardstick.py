@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from swimmer_mj.environments.vector import SwimmerVectorEnv
 from swimmer_mj.intervals import mean_and_interval
-from swimmer_mj.learning.problems.problem import EPISODE_DURATION, N_EPISODES, SETTLING_TIME
-from swimmer_mj.learning.problems.swim.environment import SwimmingSpeed, evaluation_states
+from swimmer_mj.learning.problems.problem import N_EPISODES
+from swimmer_mj.learning.problems.swim.environment import SPEED, SwimmingSpeed, evaluation_states
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 CONTROL_TIMESTEP = 0.01  # s
@@ -100,6 +100,21 @@ def swimming_speed(
 ) -> SwimmingSpeed:
     """The number of ``swimmer_mj.learning.runs.evaluation.evaluate_swimming``, sooner, on one core.
 
+    As :func:`swimming_speeds`, over the last 10 of 20 s.
+    """
+    (speed,) = swimming_speeds(act, (SPEED,), parameters, hold=hold)
+    return speed
+
+
+def swimming_speeds(
+    act: Callable[[NDArray[np.float64]], NDArray[np.floating]],
+    spans: Sequence[tuple[float, float]],
+    parameters: SwimmerParameters = PAPER,
+    *,
+    hold: int = 1,
+) -> list[SwimmingSpeed]:
+    """Mean velocities along x over some spans of time of the same episodes.
+
     The 64 episodes are one vector environment, whose dynamics and rewards are those of the dm_control task, number
     for number: tests/swimmer_mj/environments/test_gymnasium.py.
 
@@ -107,6 +122,8 @@ def swimming_speed(
     ----------
     act : callable
         From states (64, 2n + 2) to actions in [-1, 1], shape (64, n - 1).
+    spans : sequence of (float, float)
+        From when to when, s.
     parameters : SwimmerParameters
         The swimmer: 3, 4 or 5 links.
     hold : int
@@ -121,11 +138,12 @@ def swimming_speed(
         frame_skip=hold,
         initial_states=lambda _: next(starts),
     )
-    n_steps, n_settling = (round(t / (CONTROL_TIMESTEP * hold)) for t in (EPISODE_DURATION, SETTLING_TIME))
+    steps = [[round(t / (CONTROL_TIMESTEP * hold)) for t in span] for span in spans]
+    n_steps = max(last for _, last in steps)
     rewards = np.zeros((n_steps, N_EPISODES))
     states, _ = swimmers.reset(seed=0)
     for t in range(n_steps):
         states, rewards[t], *_ = swimmers.step(act(states).astype(np.float64))
     swimmers.close()
-    speeds = rewards[n_settling:].mean(axis=0)
-    return SwimmingSpeed(speeds, *mean_and_interval(speeds))
+    speeds = [rewards[first:last].mean(axis=0) for first, last in steps]
+    return [SwimmingSpeed(some, *mean_and_interval(some)) for some in speeds]

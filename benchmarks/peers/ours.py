@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -20,13 +20,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class OursSettings:
-    """Those of value gradients that are tuned; the defaults are those of ``swimmer-mj train``."""
+    """Those of value gradients that are tuned; ``swimmer-mj train --coordinates joints --held`` has the defaults."""
 
-    trajectories: int = 512
+    form: Literal["state, instant", "joints, held"] = "joints, held"
+    """Of what V is learned, and for how long torques are chosen."""
+    trajectories: int = 256
     steps: int = 25
     s_gamma: float = 0.5
     s_lambda: float = 1.0
-    minibatch: int = 512
+    minibatch: int = 256
     passes: int = 1
     rate: float = 2e-3
     half_life: float = 500.0
@@ -40,6 +42,8 @@ class Ours:
     hold = 1
 
     def __init__(self, problem: Swimming, settings: OursSettings, seed: int) -> None:
+        if settings.form == "joints, held":
+            problem = replace(problem, coordinates="joints", held=True)
         generator = torch.Generator().manual_seed(seed)
         network = Multilayer(problem.n_inputs, (settings.hidden,) * 2, generator=generator)
         chosen = ValueGradientSettings(

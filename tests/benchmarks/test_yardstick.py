@@ -7,7 +7,12 @@ import numpy as np
 import robustness
 import yardstick
 
-from swimmer_mj.learning.problems.swim.environment import evaluate_swimming, evaluation_states
+from swimmer_mj.learning.problems.swim.environment import (
+    distances,
+    evaluate_swimming,
+    evaluation_states,
+    mean_speed,
+)
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 
@@ -63,6 +68,11 @@ def test_swimming_speed_is_that_of_the_library(monkeypatch):
     fast, slow = yardstick.swimming_speed(act, swimmer), evaluate_swimming(agent, swimmer, n_episodes=3)
     np.testing.assert_allclose(fast.speeds, slow.speeds, atol=1e-9)
     assert np.ptp(slow.speeds) > 0.01
+    spans = ((1.0, 3.0), (10.0, 20.0))
+    early, late = yardstick.swimming_speeds(act, spans, swimmer)
+    travelled = distances(agent, swimmer, evaluation_states(3, 3), 3.0)
+    np.testing.assert_allclose(early.speeds, mean_speed(travelled, *spans[0]), atol=1e-9)
+    np.testing.assert_array_equal(late.speeds, fast.speeds)
 
 
 def test_each_changed_swimmer_is_off_in_what_it_says():

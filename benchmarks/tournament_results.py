@@ -1,0 +1,212 @@
+"""What came of the tournament: its tables, and its picture.
+
+    python benchmarks/tournament_results.py
+
+draws docs/images/tournament.png from what ``tournament.py`` wrote. A learner reaches a speed at its first look at that
+speed or more; one that does not get there in its time counts as not there. What it comes to is the mean of its last
+window, the second half of its time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import tyro
+from compare_learners import NAMES, median_words, number, reached
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import EngFormatter, MultipleLocator
+from numpy.typing import NDArray
+from tournament import OUT, PEERS, WINDOW, read, tuned
+
+from swimmer_mj.intervals import mean_and_interval_text
+from swimmer_mj.learning.experiments.summaries import Summary
+from swimmer_mj.render.figures import COLORS, plain_axes, save_figure
+
+PLOT = Path(__file__).parents[1] / "docs" / "images" / "tournament.png"
+SPEEDS = (1.0, 1.5, 2.0, 2.4)  # m/s
+AXES = {
+    "cpu_seconds": "processor time of one core  (s)",
+    "simulation_steps": "simulation steps of 0.01 s",
+    "gradient_evaluations": "gradients of steps",
+}
+STYLES = ("-", "--", "-.", ":")
+OURS = ("ours", "ours-torch")
+Array = NDArray[np.float64]
+
+
+class Looks(NamedTuple):
+    """At one learner."""
+
+    cpu_seconds: Array
+    simulation_steps: Array
+    gradient_evaluations: Array
+    speed: Array
+    steady_speed: Array
+    """NaN before the last window."""
+    given: float
+    """s."""
+
+    def last(self, of: Array) -> float:
+        """Mean over the last window."""
+        return float(of[self.cpu_seconds >= WINDOW * self.given].mean())
+
+
+def finalists(out: Path = OUT) -> dict[str, list[Looks]]:
+    """The looks of the final, by learner, seed by seed."""
+    names = Looks._fields[:-1]
+    looks: dict[str, dict[str, list[tuple[float, ...]]]] = {}
+    for row in read(out):
+        if row["stage"] == "final":
+            look = tuple(float(row[name] or "nan") for name in Looks._fields)
+            looks.setdefault(row["algorithm"], {}).setdefault(row["seed"], []).append(look)
+    return {
+        name: [Looks(*np.array(one).T[: len(names)], one[0][-1]) for one in looks[name].values()]
+        for name in PEERS
+        if name in looks
+    }
+
+
+def tuning(out: Path = OUT) -> Summary:
+    """What each setting that was tried came to, and what is changed in the one that went into the final."""
+    table, rows = [], read(out)
+    for name, peer in PEERS.items():
+        samples = tuned(rows, name)
+        if not samples:
+            continue
+        best = max(samples, key=lambda sample: samples[sample][0])
+        known, chosen = (samples[sample][1] for sample in (0, best))
+        changed = ", ".join(f"{key} {value}" for key, value in chosen.items() if value != known.get(key))
+        speeds = ", ".join(f"{samples[sample][0]:.2f}" for sample in sorted(samples))
+        assert peer.laws.keys() <= chosen.keys()
+        table.append((NAMES[name], speeds, changed or "the best known"))
+    return Summary(
+        "", ("learner", "settings tried, m/s", "into the final, but for what is best known"), table
+    )
+
+
+def finals(out: Path = OUT) -> Summary:
+    """Median time to each speed and how many seeds got there; what all came to."""
+    rows = []
+    for name, learners in finalists(out).items():
+        times = []
+        for speed in SPEEDS:
+            what = reached(learners, speed, "cpu_seconds")
+            there = int(np.isfinite(what.spent).sum())
+            median = f"{'' if what.known else '> '}{number(what.median)}"
+            times.append(f"{median} ({there})" if there else "none")
+        lasts = (
+            np.array([one.last(getattr(one, of)) for one in learners]) for of in ("speed", "steady_speed")
+        )
+        rows.append((NAMES[name], str(len(learners)), *times, *map(_mean, lasts)))
+    head = ("learner", "seeds", *(f"s to {speed} m/s" for speed in SPEEDS), "last window, m/s", "steady, m/s")
+    return Summary("", head, rows)
+
+
+def _mean(values: Array) -> str:
+    return mean_and_interval_text(values) if len(values) >= 5 else ", ".join(map("{:.2f}".format, values))
+
+
+def against_the_fastest(out: Path = OUT) -> Summary:
+    """Ours beside the peer that reaches each speed soonest: medians of time and of steps, and their ratio."""
+    everyone, rows = finalists(out), []
+    peers = {name: learners for name, learners in everyone.items() if name not in OURS}
+    for speed in SPEEDS:
+        for quantity, unit in (("cpu_seconds", "s"), ("simulation_steps", "steps")):
+            ours = reached(everyone["ours"], speed, quantity)
+            there = {
+                name: what
+                for name, learners in peers.items()
+                if np.isfinite((what := reached(learners, speed, quantity)).spent).any()
+            }
+            if not there:
+                rows.append((f"{speed} m/s", unit, median_words(ours, unit), "no peer got there", ""))
+                continue
+            fastest = min(there, key=lambda name: (not there[name].known, there[name].median))
+            other = there[fastest]
+            times = ours.median / other.median
+            sign = "" if other.known else "at most "
+            ratio = f"{sign}{times:.2f}" if ours.known else ""
+            label = f"{NAMES[fastest]}: {median_words(other, unit)}, {other.got_there}"
+            rows.append((f"{speed} m/s", unit, f"{median_words(ours, unit)}, {ours.got_there}", label, ratio))
+    return Summary("", ("speed", "in", "value gradients, compiled", "the soonest peer", "ours to it"), rows)
+
+
+def share_there(learners: Sequence[Looks], speed: float, quantity: str) -> tuple[Array, Array]:
+    """Corners of the curve of how many of the seeds have reached a speed: spent so far, and their share."""
+    spent = np.sort(reached(learners, speed, quantity).spent)
+    spent = spent[np.isfinite(spent)]
+    return np.repeat(spent, 2), np.repeat(np.arange(len(spent) + 1), 2)[1:-1] / len(learners)
+
+
+def _speeds(axes: Axes, learners: Sequence[Looks], quantity: str, **style: object) -> None:
+    """Mean over the seeds, as far as all were looked at."""
+    spent = [getattr(one, quantity) for one in learners]
+    at = np.geomspace(max(x[0] for x in spent), min(x[-1] for x in spent), 200)
+    axes.plot(
+        at,
+        np.mean([np.interp(at, x, one.speed) for x, one in zip(spent, learners, strict=True)], axis=0),
+        **style,
+    )
+
+
+def draw(everyone: Mapping[str, Sequence[Looks]]) -> Figure:
+    """Speeds, and the share of seeds that are there, against time, simulation and gradients."""
+    figure = Figure(figsize=(9.6, 9.6), layout="constrained")
+    grid = figure.subplots(1 + len(SPEEDS), len(AXES), sharex="col", height_ratios=[2, *([1] * len(SPEEDS))])
+    styles = {
+        name: {"color": color, "linestyle": STYLES[i % len(STYLES)], "linewidth": 1.6}
+        for i, (name, color) in enumerate(zip(PEERS, COLORS, strict=True))
+    }
+    for column, quantity in zip(grid.T, AXES, strict=True):
+        for axes in column:
+            plain_axes(axes)
+            axes.set_xscale("log")
+        for name, learners in everyone.items():
+            if not all(getattr(one, quantity)[0] > 0 for one in learners):
+                continue
+            _speeds(column[0], learners, quantity, **styles[name])
+            end = min(getattr(one, quantity)[-1] for one in learners)
+            for axes, speed in zip(column[1:], SPEEDS, strict=True):
+                spent, share = share_there(learners, speed, quantity)
+                if spent.size:
+                    axes.plot([*spent, max(end, spent[-1])], [*share, share[-1]], **styles[name])
+        column[-1].xaxis.set_major_formatter(EngFormatter(sep=""))
+        column[-1].set_xlabel(AXES[quantity])
+        for axes in column[1:]:
+            axes.set_ylim(-0.03, 1.05)
+            axes.yaxis.set_major_locator(MultipleLocator(0.5))
+    grid[0, 0].set_ylabel("swimming speed  (m/s)")
+    for axes, speed in zip(grid[1:, 0], SPEEDS, strict=True):
+        axes.set_ylabel(f"seeds at {speed} m/s")
+    for row in grid:
+        for axes in row[1:]:
+            axes.tick_params(labelleft=False)
+            axes.sharey(row[0])
+    handles = [
+        Line2D([], [], label=f"{NAMES[name]}, {len(learners)}", **styles[name])
+        for name, learners in everyone.items()
+    ]
+    figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False)
+    return figure
+
+
+def main(log: Path = OUT, picture: Path = PLOT) -> None:
+    """Draw the final.
+
+    Args:
+        log: CSV of looks at learners.
+        picture: Where to draw it.
+    """
+    everyone = finalists(log)
+    if not everyone:
+        raise SystemExit(f"there is no final in {log}; run tournament.py tune and final first")
+    save_figure(draw(everyone), picture)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
