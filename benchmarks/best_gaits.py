@@ -21,6 +21,7 @@ import tyro
 from swimmer_mj.learning.experiments.gaits import starts
 from swimmer_mj.learning.experiments.gaits.gait import BEST, GLIDE, Gait, load_gaits, save_gaits
 from swimmer_mj.learning.experiments.gaits.transcription import Program, Solution
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.experiments.tables import LOGS
 from swimmer_mj.learning.pretrained import load_pretrained, pretrained_card, pretrained_names
 from swimmer_mj.parameters import SwimmerParameters
@@ -89,6 +90,7 @@ def keep(links: int, speed: float, start: str, began: Gait, n_intervals: int, so
              f"{gait.pull:.6g}", f"{solution.kkt_residual:.2g}", solution.iterations, f"{solution.seconds:.1f}",
              solution.status)
         )  # fmt: skip
+    note_made(LOG)
     best = load_gaits(place(links))
     swims = solution.kkt_residual <= CONVERGED and gait.pull > GLIDE
     if swims and (speed not in best or gait.pull > best[speed].pull):

@@ -27,6 +27,7 @@ from rich.console import Console
 from rich.table import Table
 
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs.config import RunConfig
 from swimmer_mj.learning.runs.engines.local import LocalEngine
@@ -173,5 +174,6 @@ if __name__ == "__main__":
     result = measured()
     with replacing(OUT) as partial:
         partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    note_made(OUT)
     Console().print(table(result))
     Console().print({name: value for name, value in result.items() if name != "coordinator"})

@@ -16,6 +16,7 @@ from pathlib import Path
 import torch
 
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.networks.networks import Multilayer
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
@@ -64,6 +65,7 @@ def main() -> None:
         writer.writerow(("engine", "device", "dtype", "trajectories", "rounds_per_second"))
         for engine, device, *rest in rows:
             writer.writerow((engine, names[device], *rest))
+    note_made(OUT)
     print(OUT.read_text(encoding="utf-8"), end="")
 
 

@@ -73,6 +73,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "model-peers-tuning": tables.model_peers_tuning,
     "planners": tables.planners,
     "platforms": tables.platforms,
+    "logs": tables.logs_made,
     "start-up": tables.start_up,
     "open-loop-wave": tables.open_loop_wave,
     "long-runs": partial(tables.long_runs, LOGS),

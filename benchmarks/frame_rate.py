@@ -24,6 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.render.backend import use_backend
 from swimmer_mj.trajectory import Trajectory
 
@@ -126,6 +127,7 @@ def main() -> None:
     }
     with replacing(OUT) as partial:
         partial.write_text(json.dumps(log, indent=1) + "\n", encoding="utf-8")
+    note_made(OUT)
 
 
 if __name__ == "__main__":

@@ -40,6 +40,7 @@ from swimmer_mj.cli import main as command_line
 from swimmer_mj.cli.sweep import read_jobs
 from swimmer_mj.cli.training import OPTIONS, changed, configured, parse_seeds
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.problems.mujoco.problem import load_model
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.swim import Swimming
@@ -352,6 +353,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow((*columns, "wrong"))
             writer.writerows([*(one.get(name, 0) for name in columns), len(one["wrong"])] for one in results)
+        note_made(options.log)
     return 1 if any(result["wrong"] for result in results) else 0
 
 

@@ -19,6 +19,7 @@ import tyro
 
 from swimmer_mj.learning.experiments.gaits.gait import BEST, Gait, crossing_shares, load_gaits, mean_power
 from swimmer_mj.learning.experiments.gaits.replay import periodic_feedback, replay
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.experiments.tables import write_table
 
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "gait-replays.csv"
@@ -70,6 +71,7 @@ def main(out: Path = OUT) -> None:
             rows.append(row or measured(links, speed, gait))
             print(*rows[-1], flush=True)
             write_table(out, COLUMNS, [[_number(cell) for cell in row] for row in rows])
+            note_made(out)
 
 
 def _number(cell: float | str) -> float | str:

@@ -20,6 +20,7 @@ from swimmer_mj.analytic import AnalyticSwimmer
 from swimmer_mj.integrators import rk4_step
 from swimmer_mj.intervals import mean_and_interval
 from swimmer_mj.learning.experiments.gaits.gait import BEST, load_gaits
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.experiments.tables import read_table, write_table
 from swimmer_mj.learning.pretrained import load_pretrained, pretrained_names
 from swimmer_mj.learning.problems.swim.environment import evaluation_states
@@ -71,6 +72,7 @@ def main(policies: tuple[str, ...] = pretrained_names(), out: Path = OUT) -> Non
         kept = read_table(out) if out.exists() else {column: np.array([]) for column in COLUMNS}
         old = [row for row in zip(*(kept[c].tolist() for c in COLUMNS), strict=True) if row[0] != name]
         write_table(out, COLUMNS, sorted([*old, *new], key=lambda row: (row[0], row[2])))
+        note_made(out)
 
 
 if __name__ == "__main__":

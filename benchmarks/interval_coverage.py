@@ -18,6 +18,7 @@ import tyro
 from numpy.typing import NDArray
 
 from swimmer_mj.intervals import mean_and_interval
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.experiments.tables import write_table
 
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "interval-coverage.csv"
@@ -94,6 +95,7 @@ def main(experiments: int = 2000, seed: int = 0, out: Path = OUT) -> None:
     """
     rows = [(law, n, experiments, seed, *coverage(law, n, experiments, seed)) for law in LAWS for n in SIZES]
     write_table(out, COLUMNS, rows, digits=4)
+    note_made(out)
 
 
 if __name__ == "__main__":

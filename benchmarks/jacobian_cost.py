@@ -22,6 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.problems.mujoco import MujocoProblem
 
 OUT = Path(__file__).parent / "results" / "jacobian-cost.json"
@@ -100,6 +101,7 @@ def main() -> None:
     OUT.parent.mkdir(exist_ok=True)
     with replacing(OUT) as partial:
         partial.write_text(json.dumps({"mujoco": mujoco.__version__, "rows": rows}, indent=1) + "\n")
+    note_made(OUT)
 
 
 if __name__ == "__main__":

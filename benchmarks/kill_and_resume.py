@@ -36,6 +36,7 @@ import numpy as np
 import torch
 
 from swimmer_mj import files
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs import together
@@ -363,6 +364,7 @@ def main() -> int:
         if options.log:
             with files.replacing(options.log) as partial, open(partial, "w", newline="") as file:
                 csv.writer(file, lineterminator="\n").writerows([Kill._fields, *log])
+            note_made(options.log)
     return int(failed)
 
 

@@ -28,6 +28,7 @@ import torch
 
 from swimmer_mj.cli.sweep import read_jobs
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint
 from swimmer_mj.learning.runs.jobs import Job
 from swimmer_mj.learning.runs.sweep import run_jobs
@@ -184,6 +185,7 @@ def main() -> None:
     )
     with replacing(OUT) as path:
         path.write_text("\n".join([about, *log.lines]) + "\n", encoding="utf-8")
+    note_made(OUT)
 
 
 if __name__ == "__main__":

@@ -37,6 +37,7 @@ from rich.table import Table
 from swimmer_mj.compiled.elementary import tanh_of_lanes, tanh_of_one
 from swimmer_mj.compiled.vectors import FAST, LANES, add_lanes, load, multiply_add, splat, store
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.experiments.rates import (
     best_rates,
     fused,
@@ -482,6 +483,7 @@ def main(
             rounds = measure(prepare(neurons, links, pool), seconds)
         with replacing(out) as partial:
             partial.write_text(json.dumps(report(rounds, seconds), indent=2) + "\n", encoding="utf-8")
+        note_made(out)
     data = json.loads(out.read_text(encoding="utf-8"))
     _print(data)
     save_figure(draw(data), plot)

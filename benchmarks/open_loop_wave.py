@@ -23,6 +23,7 @@ from yardstick import CONTROL_TIMESTEP
 
 from swimmer_mj.compiled.vectors import LANES
 from swimmer_mj.environments.vector import SwimmerVectorEnv
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.problems.problem import EPISODE_DURATION, SETTLING_TIME
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.parameters import SwimmerParameters
@@ -113,6 +114,7 @@ def main(out: Path = OUT) -> None:
     rows = [best_wave(n_links) for n_links in (3, 4, 5)]
     with out.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
+    note_made(out)
     for row in rows:
         Console().print(*row)
 

@@ -29,6 +29,7 @@ from yardstick import CONTROL_TIMESTEP
 
 from swimmer_mj.compiled.vectors import LANES
 from swimmer_mj.environments.vector import SwimmerVectorEnv
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.problems.swim.environment import evaluation_states
 from swimmer_mj.learning.runs.sweep import random_search
@@ -169,6 +170,7 @@ def main(
             Console().print(*key, *found)
             with out.open("a", newline="", encoding="utf-8") as file:
                 csv.writer(file, lineterminator="\n").writerow((*key, *found))
+            note_made(out)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from pathlib import Path
 import torch
 import tyro
 
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.experiments.tables import write_table
 from swimmer_mj.learning.pretrained import pretrained_directory, pretrained_names
 from swimmer_mj.learning.runs.config import read_config
@@ -37,6 +38,7 @@ def main(out: Path = OUT) -> None:
         s_gamma = read_config(directory).problem.s_gamma
         rows.append((name, found["seed"], found["trials"], s_gamma, found["n_episodes"], *means))
     write_table(out, COLUMNS, rows, digits=5)
+    note_made(out)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from yardstick import Clock
 
 from swimmer_mj.cli.training import configured
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.problems.mujoco.batched import MujocoBatch
 from swimmer_mj.learning.problems.mujoco.episodes import open_episode
 from swimmer_mj.learning.problems.mujoco.task import MujocoTask
@@ -110,6 +111,7 @@ def main(policies: int = 3, seconds: float = 15.0, out: Path = OUT) -> None:
         writer.writerows(
             (number, f"{a:.4f}", f"{b:.4f}") for number, a, b in zip(FRESH, learned, planned, strict=True)
         )
+    note_made(out)
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 from swimmer_mj.cli import main
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.runs.config import RunConfig
 from swimmer_mj.learning.runs.lock import locked
@@ -151,6 +152,7 @@ def write() -> int:
     found = list(refusals())
     with replacing(OUT) as partial, open(partial, "w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows([Refusal._fields, *found])
+    note_made(OUT)
     return int(any(one.status == 0 for one in found))
 
 

@@ -29,6 +29,7 @@ from rich.table import Table
 from yardstick import CONTROL_TIMESTEP, swimming_speed
 
 from swimmer_mj.intervals import mean_and_interval_text
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.networks.actors import BatchActor
 from swimmer_mj.learning.networks.policy import GreedyPolicy
 from swimmer_mj.learning.problems.forms import SwimmerForm
@@ -137,6 +138,7 @@ def append(out: Path, rows: list[tuple[int, str, float]]) -> None:
         if new:
             writer.writerow(COLUMNS)
         writer.writerows((seed, change, f"{speed:.4f}") for seed, change, speed in rows)
+    note_made(out)
 
 
 def main(

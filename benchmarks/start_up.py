@@ -21,6 +21,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.experiments.made import note_made
 
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / "benchmarks" / "results" / "start-up.json"
@@ -70,6 +71,7 @@ def main() -> None:
     print(f"installed: {found['installed_bytes'] / 1e6:.1f} MB")
     with replacing(OUT) as path:
         path.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    note_made(OUT)
 
 
 if __name__ == "__main__":

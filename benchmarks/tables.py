@@ -16,10 +16,12 @@ from open_loop_wave import OUT as WAVE_LOG
 from planners import OUT as PLANNERS_LOG
 
 from swimmer_mj.intervals import mean_and_interval_text
+from swimmer_mj.learning.experiments.made import ways
 from swimmer_mj.learning.experiments.summaries import Summary
-from swimmer_mj.learning.experiments.tables import read_table
+from swimmer_mj.learning.experiments.tables import LOGS, read_table
 
-RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "benchmarks" / "results"
 SPEED = RESULTS / "learning-speed.json"
 PLATFORMS_LOG = RESULTS / "platforms.csv"
 KILLED_NODE = RESULTS / "killed-node.log"
@@ -361,6 +363,32 @@ def open_loop_wave() -> Summary:
             for row in csv.DictReader(file)
         ]
     return Summary("", ("links", "speed, m/s", "period, s", "lag, rad"), rows)
+
+
+def logs_made() -> Summary:
+    """Every committed log: by which commands, with which seeds."""
+    rows = []
+    for folder in (RESULTS, LOGS):
+        place = folder.relative_to(ROOT)
+        for log, found in sorted(ways(folder).items()):
+            commands = "; ".join(dict.fromkeys(f"`{way['command']}`" for way in found))
+            rows.append((f"`{place}/{log}`", commands, seeds_of(folder / log)))
+    return Summary("", ("log", "made by", "seeds"), rows)
+
+
+def seeds_of(log: Path) -> str:
+    """Those in a log, in ranges; nothing if it has no such column."""
+    if log.suffix != ".csv":
+        return ""
+    with log.open(newline="", encoding="utf-8") as file:
+        seeds = sorted({int(row["seed"]) for row in csv.DictReader(file) if row.get("seed")})
+    ranges: list[list[int]] = []
+    for seed in seeds:
+        if ranges and seed == ranges[-1][-1] + 1:
+            ranges[-1].append(seed)
+        else:
+            ranges.append([seed])
+    return ", ".join(f"{some[0]} to {some[-1]}" if len(some) > 1 else f"{some[0]}" for some in ranges)
 
 
 def platforms() -> Summary:

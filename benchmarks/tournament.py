@@ -34,6 +34,7 @@ from rich.console import Console
 from yardstick import Clock, swimming_speeds
 
 from swimmer_mj import __version__
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.problems.swim.environment import SPEED, STEADY
 from swimmer_mj.learning.runs.sweep import random_search
@@ -256,6 +257,7 @@ def main(
             looks = run(name, settings, seed, seconds)
             with out.open("a", newline="", encoding="utf-8") as file:
                 csv.writer(file, lineterminator="\n").writerows((*key, __version__, *look) for look in looks)
+            note_made(out)
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ from rich.live import Live
 from swimmer_mj.cli.progress import LearningDisplay
 from swimmer_mj.cli.training import train_runs
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.runs.config import RunConfig
 from swimmer_mj.learning.runs.events import EventLogs
 from swimmer_mj.learning.runs.run import TrainingRun
@@ -85,6 +86,7 @@ def main() -> None:
         for part, calls, seconds, percent in rows:
             print(f"{part:12} {calls:6} calls {seconds:8.3f} s {percent:6.2f} % of the process")
             writer.writerow((part, calls, f"{seconds:.3f}", f"{percent:.2f}"))
+    note_made(OUT)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.environments.vector import SwimmerVectorEnv
 from swimmer_mj.intervals import mean_and_interval
+from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.problems.problem import N_EPISODES
 from swimmer_mj.learning.problems.swim.environment import SPEED, SwimmingSpeed, evaluation_states
 from swimmer_mj.parameters import PAPER, SwimmerParameters
@@ -83,6 +84,7 @@ def append(out: Path, rows: Iterable[Row]) -> None:
     """Add the rows of a learner that is done."""
     with out.open("a", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows(rows)
+    note_made(out)
 
 
 def row(algorithm: str, seed: int, clock: Clock, simulation_steps: int, speed: SwimmingSpeed) -> Row:

@@ -17,6 +17,9 @@ The viscous friction of A.2 stands in the model in one of two ways:
     MJCF, and MuJoCo's implicit integrators know its derivative. The motors come first; the controls of
     the other actuators do nothing.
 
+The paper's links pass through each other. ``solid=True`` makes them capsules that do not: links that share a joint by
+the range of that joint, all others by contacts without friction.
+
 ``python -m swimmer_mj.mjcf`` writes the models of the paper's swimmers anew into ``models/``.
 """
 
@@ -100,6 +103,10 @@ def _child(parent: ET.Element, tag: str) -> ET.Element:
     return element
 
 
+def _find(parent: ET.Element, tag: str, name: str) -> ET.Element:
+    return next(element for element in parent.findall(tag) if element.get("name") == name)
+
+
 def _add_link(
     parent: ET.Element, i: int, masses: Array, lengths: Array, radius: float, friction: Friction
 ) -> ET.Element:
@@ -138,6 +145,15 @@ def _add_link(
     else:  # in the link's own frame, whose y axis is n_i
         rod.attrib |= {"type": "box", "size": _numbers(l / 2, radius, radius)}
     return body
+
+
+def _make_solid(body: ET.Element, i: int, lengths: Array, radius: float) -> None:
+    """Let link ``i`` (from 1), in ``body``, collide with others; those at its ends it meets at a sharp bend instead."""
+    geom, hinge = (_find(body, tag, f"{kind}_{i}") for tag, kind in (("geom", "link"), ("joint", "hinge")))
+    geom.attrib |= {"contype": "1", "conaffinity": "1", "condim": "1"}
+    if i > 1:  # bent so far, the end of the shorter of the two touches the other
+        bend = np.pi - np.arcsin(2 * radius / min(lengths[i - 2], lengths[i - 1]))
+        hinge.attrib |= {"limited": "true", "range": _numbers(-bend, bend)}
 
 
 def _declare_friction(root: ET.Element, parameters: SwimmerParameters) -> None:
@@ -183,6 +199,7 @@ def mjcf(
     friction: Friction = "callback",
     integrator: Integrator = "RK4",
     timestep: float = 0.01,
+    solid: bool = False,
 ) -> str:
     """The MJCF model of a swimmer.
 
@@ -202,6 +219,9 @@ def mjcf(
         MuJoCo's integrator.
     timestep : float
         s, positive.
+    solid : bool
+        Whether links collide; their radius is 7 % of the shortest length. Initial states in which links cross should
+        not be used then: MuJoCo throws them apart.
 
     Returns
     -------
@@ -233,6 +253,8 @@ def mjcf(
     body = world
     for i in range(1, n + 1):
         body = _add_link(body, i, m, l, radius, friction)
+        if solid:
+            _make_solid(body, i, l, radius)
         if i == 1:
             ET.SubElement(body, "geom", name="head", type="sphere", size=_numbers(1.5 * radius))
             ET.SubElement(

@@ -291,6 +291,7 @@ def figures(
 
     from swimmer_mj.files import replacing
     from swimmer_mj.learning.experiments import EXPERIMENTS, LOGS
+    from swimmer_mj.learning.experiments.made import note_made
     from swimmer_mj.learning.experiments.summaries import TABLES
     from swimmer_mj.render.figures import save_figure
     from swimmer_mj.render.reproduction import FIGURES
@@ -305,6 +306,8 @@ def figures(
         if rerun:
             logs.mkdir(parents=True, exist_ok=True)
             EXPERIMENTS[name].run(logs, report=lambda line: print_line(console, line))
+            for log in EXPERIMENTS[name].logs:
+                note_made(logs / log, f"swimmer-mj figures {name} --rerun")
         pictures[name] = out / f"{name}.png"
         save_figure(FIGURES[name](logs), pictures[name])
         print_line(console, f"{EXPERIMENTS[name].description}: {pictures[name]}")
