@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -65,8 +65,9 @@ def learning_curve(
     reference_speed: float | None = None,
     measure: str = "swimming speed",
     units: tuple[str, str, str] | None = ("m", "m$^2$/s$^2$", "m/s"),
+    against: Literal["trial", "seconds"] = "trial",
 ) -> Figure:
-    """Mean value, mean squared Hamiltonian and speed against trials, after figure 2.
+    """Mean value, mean squared Hamiltonian and speed against trials or time, after figure 2.
 
     Parameters
     ----------
@@ -78,6 +79,8 @@ def learning_curve(
         What the column ``speed`` has: of a problem that is no swimmer, the mean reward rate.
     units : (str, str, str), optional
         Of V, of H^2 and of the speed; None where they are not known.
+    against : {"trial", "seconds"}
+        Trials, or seconds of learning: trials of two methods are hardly alike.
     """
     if not runs:
         raise ValueError("a learning curve needs at least one run")
@@ -91,13 +94,13 @@ def learning_curve(
         color = COLORS[i % len(COLORS)]
         few = "o" if run["trial"].size < 3 else None  # a line through one or two points shows nothing
         style = {"color": color, "linewidth": 1.5, "marker": few, "markersize": 3.5}
-        value.plot(run["trial"], run["mean_value"], label=label, **style)
-        hamiltonian.plot(run["trial"], run["mean_squared_hamiltonian"], **style)
-        speed.plot(run["trial"], run["speed"], **style)
+        value.plot(run[against], run["mean_value"], label=label, **style)
+        hamiltonian.plot(run[against], run["mean_squared_hamiltonian"], **style)
+        speed.plot(run[against], run["speed"], **style)
         if np.isfinite(run["speed"]).any():
             best = int(np.nanargmax(run["speed"]))
             speed.plot(
-                run["trial"][best],
+                run[against][best],
                 run["speed"][best],
                 "*",
                 color=color,
@@ -117,7 +120,7 @@ def learning_curve(
     names = (r"$\langle V \rangle_S$", r"$\langle H^2 \rangle_S$", measure)
     for i, (axes, name) in enumerate(zip((value, hamiltonian, speed), names, strict=True)):
         axes.set_ylabel(name if units is None else f"{name}  ({units[i]})")
-    speed.set_xlabel("trials")
+    speed.set_xlabel({"trial": "trials", "seconds": "learning  (s)"}[against])
     speed.xaxis.set_major_formatter(EngFormatter(sep=""))
     if all((run["mean_squared_hamiltonian"] > 0).any() for _, run in metrics):
         log_axis(hamiltonian, "y")

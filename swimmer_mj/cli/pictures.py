@@ -187,6 +187,11 @@ def record(policy: Policy, swimmer: SwimmerForm, shot: Shot) -> Trajectory:
     return record_episode(policy, swimmer.parameters, start, shot.duration, shot.steering)
 
 
+def _axis(logs: Logs) -> Literal["trial", "seconds"]:
+    """Against what learners are drawn: those beside each other may be of two methods, whose trials are not alike."""
+    return "trial" if len(logs) == 1 else "seconds"
+
+
 def _of_any_problem(policy: Policy, logs: Logs, film: FilmForm | None, shot: Shot) -> dict[str, Drawing]:
     """What can be drawn of a run of no swimmer."""
     from swimmer_mj.learning.runs.evaluation import record_episode
@@ -204,7 +209,7 @@ def _of_any_problem(policy: Policy, logs: Logs, film: FilmForm | None, shot: Sho
 
     drawings: dict[str, Drawing] = {
         "learning-curve": lambda path: save_figure(
-            learning_curve(logs, measure="mean reward", units=None), path
+            learning_curve(logs, measure="mean reward", units=None, against=_axis(logs)), path
         ),
         "episode": lambda path: save_figure(episode_plot(record_episode(policy, shot.duration)), path),
     }
@@ -264,7 +269,9 @@ def _of_swimmer(
     return {
         "video": video,
         "film-strip": lambda path: save_figure(film_strip(episode()), path),
-        "learning-curve": lambda path: save_figure(learning_curve(logs, reference_speed=reference), path),
+        "learning-curve": lambda path: save_figure(
+            learning_curve(logs, reference_speed=reference, against=_axis(logs)), path
+        ),
         "episode": lambda path: save_figure(rollout_plot(episode()), path),
         "phase-portraits": lambda path: save_figure(phase_portraits(episode()), path),
         "gait": lambda path: save_figure(gait_diagram(episode()), path),

@@ -191,7 +191,13 @@ def train(
     advance = partial(train_runs, console, on_divergence=on_divergence, tensorboard=tensorboard)
     fastest: dict[str, str] = {}
     if halve and seconds is not None:
-        left = train_halving(runs, seconds, lambda going, share: advance(going, seconds=share))
+
+        def stage(going: Sequence[TrainingRun], share: float) -> None:
+            if len(going) < len(runs):
+                print_line(console, f"these go on: {', '.join(run.directory.name for run in going)}")
+            advance(going, seconds=share, announce=len(going) == len(runs))
+
+        left = train_halving(runs, seconds, stage)
         fastest["fastest"] = str(left.directory)
         print_line(console, f"the fastest in the end: {left.directory}")
     else:
@@ -303,6 +309,7 @@ def train_runs(
     enough: Callable[[TrainingRun], bool] = lambda run: False,
     on_divergence: Literal["stop", "restore"] = "stop",
     tensorboard: bool = False,
+    announce: bool = True,
 ) -> None:
     """Train ``runs`` together, with a live table on a terminal and a line an evaluation elsewhere.
 
@@ -318,7 +325,7 @@ def train_runs(
 
     torch.set_num_threads(1)  # the learners are the parallelism
     display = LearningDisplay(console, runs, trials, seconds)
-    if not console.is_terminal:
+    if announce and not console.is_terminal:
         period = runs[0].config.evaluate_every
         print_line(
             console,

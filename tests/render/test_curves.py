@@ -90,6 +90,13 @@ def test_learning_curve_draws_each_run_against_trials(metrics, tmp_path):
     assert_png(figure, tmp_path / "curve.png")
 
 
+def test_learners_of_two_methods_are_drawn_against_time(metrics):
+    figure = learning_curve([("a", metrics()), ("b", metrics(name="b.csv"))], against="seconds")
+    for axes in figure.axes:
+        np.testing.assert_array_equal(axes.lines[0].get_xdata(), ROWS[:, 1])
+    assert figure.axes[2].get_xlabel() == "learning  (s)"
+
+
 def test_the_squared_hamiltonian_is_labelled_in_plain_numbers(metrics):
     figure = learning_curve([("a", metrics())])
     figure.draw_without_rendering()
