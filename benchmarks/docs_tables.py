@@ -64,6 +64,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "swimmer-as-mjcf": model_tables.swimmer_as_mjcf,
     "swimmer-coordinates": model_tables.swimmer_coordinates,
     "several-seeds": model_tables.several_seeds,
+    "solid-links": model_tables.solid_links,
     "reacher-bound": model_tables.reacher_bound,
     "linear-policies": model_tables.linear_policies,
     "jacobian-cost": model_tables.jacobian_cost,

@@ -118,6 +118,22 @@ def swimmer_coordinates() -> Summary:
     )
 
 
+def solid_links() -> Summary:
+    """Speeds of what was learned with links that pass through each other, and with solid ones, in both."""
+    rows, table = _rows("solid-links.csv"), []
+    for learned in dict.fromkeys(row["learned"] for row in rows):
+        mine = [row for row in rows if row["learned"] == learned]
+        cells = []
+        for place in ("passing", "solid"):
+            there = [row for row in mine if row["swims"] == place]
+            cells.append(", ".join(f"{float(row['speed']):.2f}" for row in there))
+            cells.append(", ".join(f"{100 * float(row['touching']):.0f}" for row in there))
+        table.append((learned, str(len({row["seed"] for row in mine})), *cells))
+    head = ("learned with links that are", "seeds", "among passing links, m/s", "% of the time touching",
+            "among solid links, m/s", "% of the time touching")  # fmt: skip
+    return Summary("", head, table)
+
+
 def several_seeds() -> Summary:
     """Four learners of which the faster go on, ten times."""
     rows = _rows("several-seeds.csv")

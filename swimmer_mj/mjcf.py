@@ -54,6 +54,9 @@ FRICTION_TUPLE = "swimmer_mj.viscous_friction"
 FRICTION_NUMERIC = "swimmer_mj.actuator_friction"
 """Name of the custom number that keeps k beside friction by actuators; it acts on nothing."""
 
+SOFT = "0.05 1"
+"""MuJoCo's solref of solid links: time constant (s) and damping ratio."""
+
 Array = NDArray[np.float64]
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
 Friction = Literal["callback", "actuators"]
@@ -148,12 +151,23 @@ def _add_link(
 
 
 def _make_solid(body: ET.Element, i: int, lengths: Array, radius: float) -> None:
-    """Let link ``i`` (from 1), in ``body``, collide with others; those at its ends it meets at a sharp bend instead."""
+    """Let link ``i`` (from 1), in ``body``, collide with others; those at its ends it meets at a sharp bend instead.
+
+    Contacts are as soft as they can be without links passing through each other: harder ones cannot be learned with,
+    since their derivatives are as large as they are short.
+    """
     geom, hinge = (_find(body, tag, f"{kind}_{i}") for tag, kind in (("geom", "link"), ("joint", "hinge")))
-    geom.attrib |= {"contype": "1", "conaffinity": "1", "condim": "1"}
+    geom.attrib |= {
+        "contype": "1",
+        "conaffinity": "1",
+        "condim": "1",
+        "solref": SOFT,
+        "solimp": _numbers(0, 0.9, radius),
+    }
     if i > 1:  # bent so far, the end of the shorter of the two touches the other
         bend = np.pi - np.arcsin(2 * radius / min(lengths[i - 2], lengths[i - 1]))
-        hinge.attrib |= {"limited": "true", "range": _numbers(-bend, bend)}
+        limit = {"solreflimit": SOFT, "solimplimit": _numbers(0, 0.9, np.pi - bend)}
+        hinge.attrib |= {"limited": "true", "range": _numbers(-bend, bend)} | limit
 
 
 def _declare_friction(root: ET.Element, parameters: SwimmerParameters) -> None:

@@ -8,6 +8,7 @@ import pytest
 from swimmer_mj.mjcf import PAPER_MODELS, mjcf, mjcf_file, read_friction, read_parameters
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 from swimmer_mj.validation import random_parameters
+from swimmer_mj.viscous import viscous_friction
 
 
 def compiled(parameters, **kwargs):
@@ -170,3 +171,47 @@ def test_denormal_numbers_which_mujoco_cannot_read_are_zero():
         model = compiled(SwimmerParameters(2, viscous_friction=2.3e-308), friction=friction)
         assert read_parameters(model).viscous_friction == 2.3e-308
         assert read_parameters(compiled(SwimmerParameters(2, viscous_friction=1e-310))).viscous_friction == 0
+
+
+def furled(model, seed):
+    """The deepest contact (m) and the sharpest bend (rad) in 10 s under torques that change at random."""
+    data, rng = mujoco.MjData(model), np.random.default_rng(seed)
+    data.qpos[3:] = rng.uniform(-1.0, 1.0, model.nv - 3)
+    deepest = sharpest = 0.0
+    with viscous_friction():
+        for step in range(1000):
+            if step % 60 == 0:
+                data.ctrl[:] = rng.choice([-1.0, 1.0], model.nu)
+            mujoco.mj_step(model, data)
+            deepest = min([deepest, *data.contact.dist])
+            sharpest = max(sharpest, np.abs(data.qpos[3:]).max())
+    return deepest, sharpest
+
+
+@pytest.mark.parametrize("n", [3, 5])
+def test_solid_links_do_not_pass_through_each_other(n):
+    """Axes of links are apart as long as contacts are less deep than the links are thick."""
+    p = SwimmerParameters(n)
+    solid, passing = (compiled(p, solid=solid) for solid in (True, False))
+    thick = 2 * float(solid.geom("link_1").size[0])
+    found = np.array([furled(solid, seed) for seed in range(5)])
+    assert found[:, 0].min() > -thick
+    assert found[:, 1].max() < np.pi
+    assert found[:, 0].min() < 0 or n == 3, "none has met another"
+    assert found[:, 1].max() > np.pi - 0.2
+    assert max(furled(passing, seed)[1] for seed in range(5)) > np.pi
+    assert read_parameters(solid) == p
+
+
+def test_solid_links_that_do_not_touch_move_as_others():
+    rng = np.random.default_rng(0)
+    solid, passing = (compiled(PAPER, solid=solid) for solid in (True, False))
+    accelerations = []
+    qpos, qvel = rng.uniform(-0.5, 0.5, solid.nq), rng.normal(size=solid.nv)
+    for model in (solid, passing):
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        with viscous_friction():
+            mujoco.mj_forward(model, data)
+        accelerations.append(data.qacc.copy())
+    np.testing.assert_allclose(*accelerations, rtol=1e-12)
