@@ -18,6 +18,7 @@ import gait_tables
 import measured
 import model_tables
 import tables
+import tournament_results
 import tyro
 
 from swimmer_mj.files import replacing
@@ -70,8 +71,9 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "jacobian-cost": model_tables.jacobian_cost,
     "cluster-scale": tables.cluster_scale,
     "run-cost": tables.run_cost,
-    "model-peers": tables.model_peers,
-    "model-peers-tuning": tables.model_peers_tuning,
+    "model-peers": partial(tournament_results.finals, tournament_results.MINUTE),
+    "model-peers-tuning": partial(tournament_results.tuning, tournament_results.MINUTE),
+    "tournament-tuning": tournament_results.tuning,
     "planners": tables.planners,
     "platforms": tables.platforms,
     "logs": tables.logs_made,

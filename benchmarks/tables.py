@@ -26,7 +26,6 @@ SPEED = RESULTS / "learning-speed.json"
 PLATFORMS_LOG = RESULTS / "platforms.csv"
 KILLED_NODE = RESULTS / "killed-node.log"
 START_UP = RESULTS / "start-up.json"
-PEERS_LOG = RESULTS / "model-peers.csv"
 PLANNER_NAMES = {"ilqr": "iLQR", "ddp": "DDP", "mppi": "MPPI"}
 PAPER_RATE = 2.5e6 * 500 / (7 * 86400)  # steps/s: 2.5 million trials in a week
 
@@ -56,14 +55,6 @@ def time_words(curves: Sequence[Curve], speed: float) -> str:
     if there < len(curves):
         return f"{median}; {there} seed{'s' * (there > 1)}"
     return f"{median}; {mean_and_interval_text(what.spent, digits)}"
-
-
-def each_time_words(curves: Sequence[Curve], speed: float) -> str:
-    """As :func:`time_words`; of a few seeds, which have no interval to speak of, each."""
-    if len(curves) >= 5:
-        return time_words(curves, speed)
-    spent = reached(curves, speed, "cpu_seconds").spent
-    return ", ".join(f"{time:.{1 if time < 10 else 0}f}" if np.isfinite(time) else "never" for time in spent)
 
 
 def learners() -> Summary:
@@ -309,50 +300,6 @@ def run_cost() -> Summary:
         ("bytes back", thousands(measured["bytes from a task"])),
     ]
     return Summary("", ("what", "value"), rows)
-
-
-def peers_curves() -> dict[str, list[Curve]]:
-    """The looks of a final of a minute, by learner, seed by seed."""
-    looks: dict[str, dict[str, list[tuple[float, ...]]]] = {}
-    with PEERS_LOG.open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            if row["stage"] == "final":
-                look = tuple(float(row[name]) for name in Curve._fields)
-                looks.setdefault(row["algorithm"], {}).setdefault(row["seed"], []).append(look)
-    order = [name for name in compare_learners.NAMES if name in looks]
-    return {name: [Curve(*np.array(one).T) for one in looks[name].values()] for name in order}
-
-
-def model_peers() -> Summary:
-    """Learners that use the model: time and simulation to each speed, what they end at, in the same time for all."""
-    rows = []
-    for name, curves in peers_curves().items():
-        times = (each_time_words(curves, speed) for speed in compare_learners.SPEEDS)
-        speeds = np.array([curve.speed[-1] for curve in curves])
-        last = mean_and_interval_text(speeds) if len(speeds) >= 5 else ", ".join(map("{:.2f}".format, speeds))
-        steps = np.median([curve.simulation_steps[-1] for curve in curves]) / 1e6
-        label, seconds = compare_learners.NAMES[name], f"{budget(curves):.0f}"
-        rows.append((label, str(len(curves)), seconds, *times, last, f"{steps:.1f}"))
-    head = ("learner", "seeds", "seconds for each", *(f"{speed} m/s" for speed in compare_learners.SPEEDS),
-            "last look, m/s", "million steps")  # fmt: skip
-    return Summary("", head, rows)
-
-
-def model_peers_tuning() -> Summary:
-    """Last looks at each setting that was tried."""
-    with PEERS_LOG.open(newline="", encoding="utf-8") as file:
-        rows = [row for row in csv.DictReader(file) if row["stage"] == "tune"]
-    last: dict[str, dict[str, Mapping[str, str]]] = {}
-    for row in rows:
-        last.setdefault(row["algorithm"], {})[row["sample"]] = row
-    table = []
-    for name, samples in last.items():
-        speeds = [float(row["speed"]) for row in samples.values()]
-        best = max(samples.values(), key=lambda row: float(row["speed"]))
-        chosen = ", ".join(f"{key} {value}" for key, value in json.loads(best["settings"]).items())
-        label = compare_learners.NAMES[name]
-        table.append((label, ", ".join(f"{speed:.2f}" for speed in speeds), chosen or "the best known"))
-    return Summary("", ("learner", "last looks at the settings tried, m/s", "into the final"), table)
 
 
 def open_loop_wave() -> Summary:

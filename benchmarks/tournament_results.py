@@ -27,6 +27,8 @@ from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments.summaries import Summary
 from swimmer_mj.render.figures import COLORS, plain_axes, save_figure
 
+MINUTE = OUT.with_name("model-peers.csv")
+"""An earlier one, of four settings for 45 s and a final of a minute."""
 PLOT = Path(__file__).parents[1] / "docs" / "images" / "tournament.png"
 SPEEDS = (1.0, 1.5, 2.0, 2.4)  # m/s
 AXES = {
@@ -102,12 +104,16 @@ def finals(out: Path = OUT) -> Summary:
         lasts = (
             np.array([one.last(getattr(one, of)) for one in learners]) for of in ("speed", "steady_speed")
         )
-        rows.append((NAMES[name], str(len(learners)), *times, *map(_mean, lasts)))
-    head = ("learner", "seeds", *(f"s to {speed} m/s" for speed in SPEEDS), "last window, m/s", "steady, m/s")
+        given = f"{min(one.given for one in learners):.0f}"
+        rows.append((NAMES[name], str(len(learners)), given, *times, *map(_mean, lasts)))
+    head = ("learner", "seeds", "s for each", *(f"s to {speed} m/s" for speed in SPEEDS), "last window, m/s",
+            "steady, m/s")  # fmt: skip
     return Summary("", head, rows)
 
 
 def _mean(values: Array) -> str:
+    if np.isnan(values).any():
+        return "-"
     return mean_and_interval_text(values) if len(values) >= 5 else ", ".join(map("{:.2f}".format, values))
 
 
@@ -156,8 +162,10 @@ def _speeds(axes: Axes, learners: Sequence[Looks], quantity: str, **style: objec
 
 def draw(everyone: Mapping[str, Sequence[Looks]]) -> Figure:
     """Speeds, and the share of seeds that are there, against time, simulation and gradients."""
-    figure = Figure(figsize=(9.6, 9.6), layout="constrained")
-    grid = figure.subplots(1 + len(SPEEDS), len(AXES), sharex="col", height_ratios=[2, *([1] * len(SPEEDS))])
+    fastest = max(one.speed.max() for learners in everyone.values() for one in learners)
+    speeds = [speed for speed in SPEEDS if speed <= fastest]
+    figure = Figure(figsize=(9.6, 3.6 + 1.5 * len(speeds)), layout="constrained")
+    grid = figure.subplots(1 + len(speeds), len(AXES), sharex="col", height_ratios=[2, *([1] * len(speeds))])
     styles = {
         name: {"color": color, "linestyle": STYLES[i % len(STYLES)], "linewidth": 1.6}
         for i, (name, color) in enumerate(zip(PEERS, COLORS, strict=True))
@@ -171,7 +179,7 @@ def draw(everyone: Mapping[str, Sequence[Looks]]) -> Figure:
                 continue
             _speeds(column[0], learners, quantity, **styles[name])
             end = min(getattr(one, quantity)[-1] for one in learners)
-            for axes, speed in zip(column[1:], SPEEDS, strict=True):
+            for axes, speed in zip(column[1:], speeds, strict=True):
                 spent, share = share_there(learners, speed, quantity)
                 if spent.size:
                     axes.plot([*spent, max(end, spent[-1])], [*share, share[-1]], **styles[name])
@@ -181,7 +189,7 @@ def draw(everyone: Mapping[str, Sequence[Looks]]) -> Figure:
             axes.set_ylim(-0.03, 1.05)
             axes.yaxis.set_major_locator(MultipleLocator(0.5))
     grid[0, 0].set_ylabel("swimming speed  (m/s)")
-    for axes, speed in zip(grid[1:, 0], SPEEDS, strict=True):
+    for axes, speed in zip(grid[1:, 0], speeds, strict=True):
         axes.set_ylabel(f"seeds at {speed} m/s")
     for row in grid:
         for axes in row[1:]:

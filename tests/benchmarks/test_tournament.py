@@ -243,10 +243,10 @@ def log(tmp_path):
 
 def test_the_final_in_a_table(log):
     ours, shac, ppo = tournament_results.finals(log).rows
-    assert ours[2:6] == ("1.5 (2)", "2 (2)", "2 (2)", "> 4 (1)")
-    assert ours[6:] == ("2.27, 2.17", "2.77, 2.67")
-    assert shac[2:6] == ("> 3.5 (1)", "none", "none", "none")
-    assert ppo[1:3] == ("1", "none")
+    assert ours[3:7] == ("1.5 (2)", "2 (2)", "2 (2)", "> 4 (1)")
+    assert ours[7:] == ("2.27, 2.17", "2.77, 2.67")
+    assert shac[3:7] == ("> 3.5 (1)", "none", "none", "none")
+    assert ppo[1:4] == ("1", "4", "none")
 
 
 def test_ours_beside_the_soonest_peer(log):
