@@ -96,9 +96,15 @@ def described_policies(
         described.append(describe(policy, str(directory), label, *speed))
     for name in pretrained_names():
         shipped, shipped_config, card = load_policy(pretrained_directory(name))
-        label = f"the paper's {_label(shipped_config)}" if name.endswith("-paper") else _label(shipped_config)
+        label = _shipped_label(name, _label(shipped_config))
         described.append(describe(shipped, name, label, card["swimming_speed"], card["ci95"]))
     return described, directory.name if directory.parent == PRETRAINED else str(directory)
+
+
+def _shipped_label(name: str, method: str) -> str:
+    """What the page calls a policy that comes with the package: by what is in its name besides the method."""
+    _, _, kind = name.partition("-")
+    return {"paper": f"the paper's {method}", "value-gradient": method}.get(kind, f"{method}, {kind}")
 
 
 def _label(config: RunConfig) -> str:
