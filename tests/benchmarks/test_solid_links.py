@@ -14,7 +14,9 @@ def test_initial_states_are_those_in_which_no_links_touch():
     assert np.abs(starts.qpos[:, 3:]).max() <= np.pi
     folded = np.array([0.0, 0.0, 0.0, 3.1, 0.0, 0.0, 0.0])
     assert solid_links.touching(solid, folded)
-    assert solid_links.touching(solid, folded - 2 * np.pi * (np.arange(7) == 3)), "the same posture"
+    once_around = 2 * np.pi * (np.arange(7) == 3)
+    assert solid_links.touching(solid, folded - once_around), "the same posture"
+    assert not solid_links.touching(solid, np.full(7, 0.1) + once_around)
 
 
 def test_each_learner_swims_in_both_models_once(tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ from peers.apg import Apg, ApgSettings
 from peers.cfvi import Cfvi, CfviSettings
 from peers.engine import SwimEngine
 from peers.ours import Ours, OursSettings
-from peers.sb3 import OffPolicySettings, PpoSettings, Td3Settings, ppo, sac, td3
+from peers.sb3 import OffPolicySettings, PpoSettings, Td3Settings, inputs, ppo, sac, td3
 from peers.shac import Shac, ShacSettings, td_lambda_targets
 
 import swimmer_mj
@@ -155,6 +155,8 @@ def test_learners_without_the_model_learn_and_count(make, settings):
         assert not np.array_equal(before, torques[-1])
     np.testing.assert_array_equal(torques[0], torques[1])
     assert not np.array_equal(torques[0], torques[2])
+    actions, _ = learner.model.predict(inputs(states), deterministic=True)
+    np.testing.assert_allclose(torques[-1], 5.0 * actions)  # N m
     assert learner.model.gamma == pytest.approx(np.exp(-0.3 * 0.1))
 
 
