@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -52,9 +52,23 @@ def _kept(name: str) -> tuple[dict[str, list[float]], dict[str, float]]:
     return kept, seconds
 
 
+def fell_back(rows: Sequence[Mapping[str, str]], share: float = 0.1) -> dict[str, int]:
+    """By task: how many seeds are at their last look more than a share of it below their best look."""
+    looks: dict[tuple[str, str], list[float]] = {}
+    for row in rows:
+        if row["look"] != "best":
+            looks.setdefault((row["task"], row["seed"]), []).append(float(row["return_mean"]))
+    fallen: dict[str, int] = {}
+    for (task, _), returns in looks.items():
+        best = max(returns)
+        fallen[task] = fallen.get(task, 0) + (returns[-1] < best - share * abs(best))
+    return fallen
+
+
 def any_model() -> Summary:
     """Return of what each seed's best look kept, in thirty other episodes, beside what others have published."""
     kept, seconds = _kept("any-model.csv")
+    fallen = fell_back(_rows("any-model.csv"))
     others, rows = published(), []
     for task, returns in kept.items():
         values = np.array(returns)
@@ -72,6 +86,7 @@ def any_model() -> Summary:
                 f"{values.min():{digits}}",
                 ", ".join(f"{name} {value:{digits}}" for name, value in rivals) or "—",
                 reached,
+                str(fallen[task]),
             )
         )
     head = (
@@ -82,6 +97,7 @@ def any_model() -> Summary:
         "worst seed",
         "published",
         "seeds at 95 % of the best published",
+        "seeds 10 % below their best in the end",
     )
     return Summary("", head, rows)
 
