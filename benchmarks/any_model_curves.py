@@ -59,16 +59,17 @@ def _read(path: Path) -> list[dict[str, str]]:
 def curves(ours: Path = OURS, peers: Path = PEERS) -> dict[str, dict[str, list[Curve]]]:
     """By task and learner, seed by seed."""
     looks: dict[tuple[str, str, str], list[tuple[float, float, float]]] = {}
-    steps = {row["task"]: 0.0 for row in _read(ours)}
-    for task in steps:
-        steps[task] = learners_step(task)
-    holds = {row["task"]: MujocoTask(row["task"], threads=1).problem.control_timestep for row in _read(peers)}
-    for row in _read(ours):
+    own, others = _read(ours), _read(peers)
+    steps = {task: learners_step(task) for task in {row["task"] for row in own}}
+    holds = {
+        task: MujocoTask(task, threads=1).problem.control_timestep for task in {row["task"] for row in others}
+    }
+    for row in own:
         if row["look"] == "of the learner":
             simulated = float(row["simulation_steps"]) * steps[row["task"]]
             look = (float(row["cpu_seconds"]), simulated, float(row["return_mean"]))
             looks.setdefault((row["task"], "ours", row["seed"]), []).append(look)
-    for row in _read(peers):
+    for row in others:
         simulated = float(row["actions"]) * holds[row["task"]]
         look = (float(row["cpu_seconds"]), simulated, float(row["return_mean"]))
         looks.setdefault((row["task"], row["algorithm"], row["seed"]), []).append(look)

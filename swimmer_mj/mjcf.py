@@ -54,7 +54,7 @@ FRICTION_TUPLE = "swimmer_mj.viscous_friction"
 FRICTION_NUMERIC = "swimmer_mj.actuator_friction"
 """Name of the custom number that keeps k beside friction by actuators; it acts on nothing."""
 
-SOFT = "0.05 1"
+SOFT = "0.03 1"
 """MuJoCo's solref of solid links: time constant (s) and damping ratio."""
 
 Array = NDArray[np.float64]
@@ -153,8 +153,7 @@ def _add_link(
 def _make_solid(body: ET.Element, i: int, lengths: Array, radius: float) -> None:
     """Let link ``i`` (from 1), in ``body``, collide with others; those at its ends it meets at a sharp bend instead.
 
-    Contacts are as soft as they can be without links passing through each other: harder ones cannot be learned with,
-    since their derivatives are as large as they are short.
+    Contacts are soft, for the sake of derivatives, but not so soft that a motor could push a link through another.
     """
     geom, hinge = (_find(body, tag, f"{kind}_{i}") for tag, kind in (("geom", "link"), ("joint", "hinge")))
     geom.attrib |= {

@@ -38,7 +38,10 @@ UNITS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 
 @dataclass(frozen=True)
 class Settings:
-    """Those that all three have. The defaults of all are the best known: those of ``peers_sb3.py``."""
+    """Those that all three have.
+
+    The defaults of all are the best known: those of ``peers_sb3.py``, but that TD3 has layers of 400 and 300 there.
+    """
 
     s_gamma: float = 0.3
     """1/s: the discount is exp(-s_gamma 0.01 hold)."""
