@@ -19,7 +19,7 @@ from swimmer_mj.learning.networks.networks import Cascade, ValueNetwork
 from swimmer_mj.learning.problems.differentiable import transition, transition_pullback
 from swimmer_mj.learning.problems.forms import CoordinatesForm
 from swimmer_mj.learning.problems.problem import ControlProblem
-from swimmer_mj.learning.value_gradient.equations import targets, value_and_gradient_loss
+from swimmer_mj.learning.value_gradient.equations import huber, targets, value_and_gradient_loss
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
 
 __all__ = ["Batch", "Engine", "engine_for"]
@@ -155,10 +155,15 @@ class _TorchEngine(TorchActor):
             settings.s_lambda,
             dt,
         )
-        coordinates = self.coordinates
+        coordinates, pull = self.coordinates, None
         if coordinates is not None:  # V and its slope are of them
             X = coordinates.enter(X)
-            g = torch.func.vjp(coordinates.leave, X)[1](g)[0]
+            _, pull = torch.func.vjp(coordinates.leave, X)
+            g = pull(g)[0]
+        if settings.huber is not None:
+            estimate = torch.stack(slopes[:-1])
+            estimate = estimate if pull is None else pull(estimate)[0]
+            g = huber(estimate, g, self.slope_weights.double(), settings.huber)
         data = tuple(y.flatten(0, 1).to(self.dtype) for y in (X, G, g))
         last = torch.where(wild[:, None], torch.nan, states[-1])
         return Batch(data, float(r.mean()), float(torch.stack(values).mean())), last.cpu().numpy()
@@ -215,12 +220,21 @@ class _CompiledEngine(BatchActor):
         data[:, :m] = z[:T]
         s_gamma, s_lambda = self.s_gamma, settings.s_lambda
         self.form.targets(X, U, V, dVdx, settings.dt, s_gamma, s_lambda, data[:, m:])
-        if self.form.coordinates is not None:
-            self.form.coordinates.from_state(X[:T], data[:, m : m + p])
+        self._from_state(X[:T], data[:, m : m + p])
+        if settings.huber is not None:
+            estimate, g = dVdx[:T].astype(self.real), data[:, m : m + p]
+            self._from_state(X[:T], estimate)
+            errors = torch.from_numpy(estimate), torch.from_numpy(g), torch.from_numpy(self.slope_weights)
+            g[:] = huber(*errors, settings.huber, dim=1).numpy()
         r = self.form.reward(X[:T], U)
         rows = torch.from_numpy(data).transpose(0, 1).reshape(m + p + 1, T * N)
         last = np.where(wild, np.nan, X[T])
         return Batch(rows, float(r.mean()), float(V.mean())), np.ascontiguousarray(last.T)
+
+    def _from_state(self, X: Array, slopes: NDArray[Any]) -> None:
+        """Slopes (T, p, N) in the state become those in the coordinates in which V is learned."""
+        if self.form.coordinates is not None:
+            self.form.coordinates.from_state(X, slopes)
 
     def shuffle(self, batch: Batch, order: Tensor) -> Batch:
         return batch._replace(data=batch.data[:, order])

@@ -14,7 +14,9 @@ doi:10.1162/089976600300015961).
 
 A round moves a batch of trajectories on by some steps, computes their targets, and takes one pass of Adam over
 minibatches of the loss (V - G)^2 + w sum_i S_i^2 (dV/dx_i - g_i)^2. S_i = 1 / |dz/dx_i| makes the errors of dV/dx those
-of the slope in network inputs z: it is 5 for an angular velocity that enters as 0.2 theta'.
+of the slope in network inputs z: it is 5 for an angular velocity that enters as 0.2 theta'. Where dynamics are
+unstable, what is looked ahead grows, and a few targets g are far off: Huber's loss keeps them from deciding
+(:func:`huber`).
 
 Here are the equations; :mod:`~swimmer_mj.learning.value_gradient.settings` has the algorithm's constants,
 :mod:`~swimmer_mj.learning.value_gradient.learner` the learner, and :mod:`~swimmer_mj.learning.value_gradient.engines`
@@ -33,6 +35,7 @@ from torch import Tensor
 __all__ = [
     "Targets",
     "costate",
+    "huber",
     "lookahead",
     "targets",
     "value_and_gradient_loss",
@@ -95,6 +98,29 @@ def targets(
         values.append(G)
         gradients.append(g)
     return Targets(torch.stack(values[::-1]), torch.stack(gradients[::-1]))
+
+
+def huber(dVdx: Tensor, g: Tensor, slope_weights: Tensor, most: float, dim: int = -1) -> Tensor:
+    """The targets g, moved towards dVdx where their error is more than ``most`` times the mean one.
+
+    Half the gradient of a squared error is the error, that of Huber's loss the error cut to a largest size (Huber 1964,
+    doi:10.1214/aoms/1177703732); here the target is cut, once a round.
+
+    Parameters
+    ----------
+    dVdx, g : Tensor
+        Estimates and targets, components along ``dim``.
+    slope_weights : Tensor, shape (p,)
+        w S_i^2: sizes are those in the loss.
+    most : float
+        In mean sizes of all errors.
+    """
+    error = g - dVdx
+    along = [1] * error.ndim
+    along[dim] = -1
+    size = (slope_weights.view(along) * error.square()).sum(dim, keepdim=True).sqrt()
+    tiny = torch.finfo(size.dtype).tiny
+    return dVdx + error * (most * size.mean() / size.clamp(min=tiny)).clamp(max=1)
 
 
 def value_and_gradient_loss(

@@ -31,6 +31,9 @@ class ValueGradientSettings:
     """Of (V - G)^2 in the loss."""
     slope_weight: float = 1.0
     """w, of the gradient's error in the loss."""
+    huber: float | None = None
+    """Errors of the gradient larger than this many times a round's mean one count by their size, not by its square, as
+    in Huber's loss; None: all count by their square."""
     flips: float = 0.0
     """Probability that a control has its sign flipped for a step: exploration. None was better than some."""
     minibatch: int = 512
@@ -55,6 +58,8 @@ class ValueGradientSettings:
                 raise ValueError(f"{name} must be an integer of at least 1, got {value!r}")
         require_positive(self, "dt", "trial_duration", "learning_rate", "half_life", "final_rate", "clip")
         require_not_negative(self, "value_weight", "slope_weight")
+        if self.huber is not None:
+            require_positive(self, "huber")
         if not self.s_lambda >= 0:
             raise ValueError(f"s_lambda must not be negative, got {self.s_lambda!r}")
         if not 0 <= self.flips <= 0.5:

@@ -24,7 +24,7 @@ from swimmer_mj.learning.problems.problem import discount_shares
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint, save_checkpoint
 from swimmer_mj.learning.value_gradient.engines import input_bounds, stand_ins
-from swimmer_mj.learning.value_gradient.equations import targets, value_and_gradient_loss
+from swimmer_mj.learning.value_gradient.equations import huber, targets, value_and_gradient_loss
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
 from swimmer_mj.parameters import PAPER
@@ -302,7 +302,11 @@ def test_a_problem_refuses(changes, message):
     ],
     ids=["two layers", "one layer", "cascade", "layered"],
 )
-@pytest.mark.parametrize("changes", [{}, {"flips": 0.1, "passes": 2}], ids=["plain", "flips, two passes"])
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"flips": 0.1, "passes": 2}, {"huber": 0.5}],
+    ids=["plain", "flips, two passes", "errors cut"],
+)
 def test_engines_agree_over_rounds(network, changes):
     problem, settings = Swimming(s_gamma=0.5), dataclasses.replace(SMALL, **changes)
     compiled, reference = (
@@ -565,6 +569,30 @@ def test_loss_weighs_its_parts():
     assert loss == 0.5 * 2.5 + 11.5
 
 
+def test_cut_errors_have_the_gradient_of_hubers_loss():
+    """Of one component, and of two where only one is off; sizes are those in the loss, their mean the whole round's."""
+    rng = torch.Generator().manual_seed(0)
+    dVdx, g = (torch.randn(3, 50, generator=rng, dtype=torch.float64) ** 3 for _ in range(2))
+    weight, most = 4.0, 0.7
+    dVdx.requires_grad_()
+    delta = most * (math.sqrt(weight) * (dVdx - g).abs()).mean().item()
+    scaled = (math.sqrt(weight) * y for y in (dVdx, g))
+    torch.nn.functional.huber_loss(*scaled, reduction="sum", delta=delta).backward()
+    estimate, share = dVdx.detach(), ((dVdx - g).abs() * math.sqrt(weight) > delta).double().mean()
+    assert 0.2 < share < 0.8
+    alone = huber(estimate[..., None], g[..., None], torch.tensor([weight]).double(), most)[..., 0]
+    assert torch.allclose(weight * (estimate - alone), dVdx.grad, rtol=1e-12, atol=0)
+    pair = [torch.stack([y, torch.full_like(y, 3.0)], dim=1) for y in (estimate, g)]
+    beside = huber(*pair, torch.tensor([weight, 9.0]).double(), most, dim=1)
+    assert torch.allclose(beside[:, 0], alone, rtol=1e-12)
+    assert (beside[:, 1] == 3.0).all()
+
+
+def test_without_errors_nothing_is_cut():
+    slopes = torch.randn(4, 3, generator=torch.Generator().manual_seed(0))
+    assert torch.equal(huber(slopes, slopes, torch.ones(3), 1.0), slopes)
+
+
 def test_slopes_count_in_units_of_network_inputs():
     learner = ValueGradientLearner(Swimming(), multilayer(17), SMALL)
     assert learner._engine.slope_weights == pytest.approx([1.0] * 5 + [25.0] * 5 + [1.0] * 2)
@@ -575,6 +603,7 @@ def test_slopes_count_in_units_of_network_inputs():
     [
         ({"steps": 0}, "steps must be an integer of at least 1, got 0"),
         ({"dt": float("nan")}, "dt must be positive and finite, got nan"),
+        ({"huber": 0.0}, "huber must be positive and finite, got 0.0"),
         ({"flips": 0.7}, r"flips must be in \[0, 0.5\], got 0.7"),
         ({"averaged_share": 0.0}, r"averaged_share must be in \(0, 1\], got 0.0"),
         ({"s_lambda": -1.0}, "s_lambda must not be negative, got -1.0"),

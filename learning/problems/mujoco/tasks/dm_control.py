@@ -209,6 +209,7 @@ TASKS: dict[str, Task] = {
         learned=_acrobot_learned,
         draw=_acrobot_anywhere,
         s_gamma=0.2,
+        stepping="own",
         advice={"steps": 50, "s_lambda": 2.0, "trial_duration": 8.0},
     ),
     "swimmer/swimmer6": _SWIMMER,

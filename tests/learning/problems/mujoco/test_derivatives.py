@@ -17,7 +17,7 @@ DT = 0.01
 
 
 def random_tree(seed):
-    """A model of 3 to 6 bodies: hinges, slides and balls, springs, dampers, fluid, any actuator that is affine."""
+    """A model of 3 to 6 bodies: hinges, slides, balls, springs, dampers, any actuator that is affine; half in fluid."""
     rng = np.random.default_rng(seed)
     bodies, joints = int(rng.integers(3, 7)), []
     children = {k: [] for k in range(-1, bodies)}
@@ -52,8 +52,9 @@ def random_tree(seed):
     )
     second = f'<joint joint="{moved[3]}" coef="-1.2"/>' if moved[3] != moved[0] else ""
     integrator = rng.choice(["Euler", "implicit", "implicitfast", "RK4"])
+    density, viscosity = rng.integers(2) * rng.uniform(0, [50, 1])
     return (
-        f'<mujoco><option timestep="{DT}" density="{rng.uniform(0, 50):.2f}" viscosity="{rng.uniform(0, 1):.2f}" '
+        f'<mujoco><option timestep="{DT}" density="{density:.2f}" viscosity="{viscosity:.2f}" '
         f'integrator="{integrator}"/><worldbody>{world}</worldbody>'
         f'<tendon><fixed name="t"><joint joint="{moved[0]}" coef="0.7"/>{second}'
         f"</fixed></tendon><actuator>{actuators}</actuator>"
@@ -78,7 +79,7 @@ class ByHand:
         self.problem = problem
         self.model = mujoco.MjModel.from_xml_string(problem.xml)
         option, kinds = self.model.opt, mujoco.mjtIntegrator
-        if option.integrator in (int(kinds.mjINT_RK4), int(kinds.mjINT_EULER)):
+        if problem.stepping == "fast" and option.integrator in (kinds.mjINT_RK4, kinds.mjINT_EULER):
             fluid = option.density > 0 or option.viscosity > 0
             option.integrator = int(kinds.mjINT_IMPLICITFAST if fluid else kinds.mjINT_EULER)
         self.data = mujoco.MjData(self.model)
@@ -136,10 +137,11 @@ def tangent(problem, x, g):
     return out
 
 
+@pytest.mark.parametrize("stepping", ["fast", "own"])
 @pytest.mark.parametrize("seed", range(8))
-def test_costates_of_random_trees_are_central_differences_of_mj_step(seed):
+def test_costates_of_random_trees_are_central_differences_of_mj_step(seed, stepping):
     xml = random_tree(seed)
-    problem = MujocoProblem(xml, reward, control_cost=[0.1] * 6, without=(), threads=1)
+    problem = MujocoProblem(xml, reward, control_cost=[0.1] * 6, without=(), threads=1, stepping=stepping)
     problem.xml = xml
     rng = np.random.default_rng(seed)
     N, p, q = 4, problem.state_size, len(problem.control_limits)
@@ -166,10 +168,11 @@ def test_costates_of_random_trees_are_central_differences_of_mj_step(seed):
         assert np.allclose(tangent(problem, x[n], out[0, :p, n]), expected, rtol=0, atol=1e-5 * scale)
 
 
-def test_steps_and_drift_of_random_trees_are_mujocos():
+@pytest.mark.parametrize("stepping", ["fast", "own"])
+def test_steps_and_drift_of_random_trees_are_mujocos(stepping):
     for seed in range(8):
         xml = random_tree(seed)
-        problem = MujocoProblem(xml, reward, without=(), threads=1)
+        problem = MujocoProblem(xml, reward, without=(), threads=1, stepping=stepping)
         problem.xml = xml
         rng, co = np.random.default_rng(seed), problem.layout.coordinates
         x = problem.initial_states(rng, 3)
