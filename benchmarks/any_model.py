@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from yardstick import Row, append, finished, looks
 
-from swimmer_mj.cli.training import configured
+from swimmer_mj.cli.training import changed, configured
 from swimmer_mj.learning.problems.mujoco.task import MujocoTask
 from swimmer_mj.learning.problems.mujoco.tasks import dm_control, gymnasium
 from swimmer_mj.learning.value_gradient.method import ValueGradients
@@ -47,12 +47,14 @@ FRESH = range(1000, 1030)
 LOOKS = (5.0, 7.5, 11.0, 17.0, 25.0, *np.arange(40.0, 1200.0, 20.0).tolist())  # s
 
 
-def learn(task: str, seed: int, seconds: float, console: Console) -> list[Row]:
-    """A row for each look at one learner."""
-    config = configured(task, "value-gradient", {}, 1)
-    method = config.method
+def learn(
+    task: str, seed: int, seconds: float, console: Console, settings: Sequence[str] = ("threads=1",)
+) -> list[Row]:
+    """A row for each look at one learner; ``settings`` as after ``--set``."""
+    config = changed(configured(task, "value-gradient", {}, 1), settings)
+    problem, method = config.problem, config.method
+    assert isinstance(problem, MujocoTask)
     assert isinstance(method, ValueGradients)
-    problem = MujocoTask(task, threads=1)
     learning = method.start(problem, seed)
     learner = learning.learner
     learner.step()  # compiles

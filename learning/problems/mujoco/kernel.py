@@ -178,18 +178,7 @@ def _rest(sim: Simulation, ac: Actuation) -> None:
 
 @njit(**OPTIONS)
 def _forward(fn: Functions, sim: Simulation, skip: int, skip_sensors: int) -> None:
-    if fn.stages > 0:  # the stages of the step before have left their own positions and velocities behind
-        skip = NONE
     call(None, fn.forward_skip, (sim.model, sim.data, np.int32(skip), np.int32(skip_sensors)))
-
-
-@njit(**OPTIONS)
-def _integrate(fn: Functions, sim: Simulation) -> None:
-    """Move on by a time step from where _forward was."""
-    if fn.stages > 0:
-        call(None, fn.integrate, (sim.model, sim.data, np.int32(fn.stages)))
-    else:
-        call(None, fn.integrate, (sim.model, sim.data))
 
 
 @njit(**OPTIONS)
@@ -241,7 +230,7 @@ def _move(fn: Functions, sim: Simulation, steps: int, skip: int) -> None:
     """Move on by a learner's step if ``steps`` is 0, else by so many of the model's own; sim.ctrl is held."""
     if steps == 0:
         _forward(fn, sim, skip, 1)
-        _integrate(fn, sim)
+        call(None, fn.integrate, (sim.model, sim.data))
     for _ in range(steps):
         call(None, fn.step, (sim.model, sim.data))
 
@@ -427,7 +416,7 @@ def _advance(
             base.readings[k] = value
         else:
             total += rho[k] * (value - base.readings[k])
-    _integrate(fn, sim)
+    call(None, fn.integrate, (sim.model, sim.data))
     return total
 
 

@@ -20,9 +20,7 @@ class Functions(NamedTuple):
     forward_skip: int
     """mj_forwardSkip(m, d, skipstage, skipsensor)."""
     integrate: int
-    """mj_Euler(m, d), mj_implicit(m, d) or mj_RungeKutta(m, d, stages)."""
-    stages: int
-    """4 for the last, 0 for the others."""
+    """mj_Euler(m, d) or mj_implicit(m, d)."""
     step: int
     """mj_step(m, d)."""
     solve_m: int
@@ -44,15 +42,12 @@ def _address(name: str) -> int:
 
 
 def functions(model: mujoco.MjModel) -> Functions:
-    """The functions that step ``model``."""
+    """The functions that step ``model``, which is not integrated by RK4."""
     kinds = mujoco.mjtIntegrator
-    name = {kinds.mjINT_EULER: "mj_Euler", kinds.mjINT_RK4: "mj_RungeKutta"}.get(
-        kinds(int(model.opt.integrator)), "mj_implicit"
-    )
+    implicit = kinds(int(model.opt.integrator)) in (kinds.mjINT_IMPLICIT, kinds.mjINT_IMPLICITFAST)
     return Functions(
         _address("mj_forwardSkip"),
-        _address(name),
-        4 if name == "mj_RungeKutta" else 0,
+        _address("mj_implicit" if implicit else "mj_Euler"),
         _address("mj_step"),
         _address("mj_solveM"),
     )

@@ -17,7 +17,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar, get_args
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import mujoco
 import numpy as np
@@ -40,7 +40,7 @@ from swimmer_mj.learning.problems.mujoco.actuation import actuation
 from swimmer_mj.learning.problems.mujoco.batched import MujocoBatch, Rate
 from swimmer_mj.learning.problems.mujoco.coordinates import layout
 from swimmer_mj.learning.problems.mujoco.readings import Scene, recorded, scene_of
-from swimmer_mj.learning.problems.mujoco.simulations import Simulations, Stepping, learners_model, own_model
+from swimmer_mj.learning.problems.mujoco.simulations import Simulations, learners_model, own_model
 from swimmer_mj.mjcf import FRICTION_TUPLE
 from swimmer_mj.viscous import hold
 
@@ -121,9 +121,6 @@ class MujocoProblem:
         Choose controls for the time for which they are held
         (:func:`~swimmer_mj.learning.problems.held.held_control`), not for the instant: where a strong actuator would
         overstep within that time, less of it is used.
-    stepping : "fast" or "own"
-        A learner steps as the model does, or, "fast", by Euler's method where the model asks for RK4, and by
-        ``implicitfast`` in a fluid. RK4 computes forces four times a step, and leaves out nothing for derivatives.
     threads : int, optional
         All cores by default. Results do not depend on it.
     """
@@ -142,13 +139,10 @@ class MujocoProblem:
         inputs: Mapping[str, float | Literal["angle"]] | None = None,
         control_limits: Sequence[float] | None = None,
         held: bool = True,
-        stepping: Stepping = "fast",
         threads: int | None = None,
     ) -> None:
         if not 0 < s_gamma < math.inf:
             raise ValueError(f"s_gamma must be positive and finite, got {s_gamma!r}")
-        if stepping not in get_args(Stepping):
-            raise ValueError(f"stepping must be 'fast' or 'own', got {stepping!r}")
         if threads is not None and threads < 1:
             raise ValueError(f"threads must be at least 1, got {threads!r}")
         self.name, self.s_gamma = name, s_gamma
@@ -160,7 +154,7 @@ class MujocoProblem:
         self._draw = partial(_anywhere, model) if draw is None else draw
         starts = self._draw(np.random.default_rng(0), 2)
         self.goal_size = 0 if starts.goal is None else starts.goal.shape[1]
-        self._threads, self.held, self.stepping = threads, held, stepping
+        self._threads, self.held = threads, held
         if _declares_friction(model):
             hold(self)
         constant = control_cost is None or not callable(control_cost)
@@ -224,9 +218,7 @@ class MujocoProblem:
     def batch(self, centred: bool = False) -> MujocoBatch:
         """Its compiled loops, with buffers of their own; with central differences if ``centred``."""
         co, ac, readings, threads = self.layout.coordinates, self._actuation, self.readings, self._threads
-        learner = Simulations(
-            partial(learners_model, self.model, self.stepping), self._home, readings, threads
-        )
+        learner = Simulations(partial(learners_model, self.model), self._home, readings, threads)
         actor = Simulations(partial(own_model, self.model), self._home, readings, threads)
         return MujocoBatch(
             learner,

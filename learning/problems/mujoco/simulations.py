@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -19,7 +19,7 @@ from swimmer_mj.learning.problems.mujoco.kernel import Readings, Simulation
 from swimmer_mj.learning.problems.mujoco.library import Functions, functions
 from swimmer_mj.learning.problems.mujoco.readings import Reading, addresses
 
-__all__ = ["Simulations", "Stepping", "learners_model", "own_model"]
+__all__ = ["Simulations", "learners_model", "own_model"]
 
 Array = NDArray[np.float64]
 
@@ -31,18 +31,14 @@ def own_model(model: Any) -> Any:
     return own
 
 
-Stepping = Literal["fast", "own"]
+def learners_model(model: Any) -> Any:
+    """:func:`own_model`, to be stepped by Euler's method if it was by Runge and Kutta's, implicitly in a fluid.
 
-
-def learners_model(model: Any, stepping: Stepping) -> Any:
-    """:func:`own_model`, to be stepped as a learner does.
-
-    "fast" is Euler's method in place of Runge and Kutta's, and in a fluid the implicit one in place of both: a fluid's
-    drag is stiff on a light link, and explicit steps are stable only if they are far shorter than a control's.
+    A fluid's drag is stiff on a light link: explicit steps are stable only if they are far shorter than a control's.
     """
     own, kinds = own_model(model), mujoco.mjtIntegrator
     explicit = own.opt.integrator in (int(kinds.mjINT_RK4), int(kinds.mjINT_EULER))
-    if stepping == "fast" and explicit:
+    if explicit:
         fluid = own.opt.density > 0 or own.opt.viscosity > 0
         own.opt.integrator = int(kinds.mjINT_IMPLICITFAST if fluid else kinds.mjINT_EULER)
     return own

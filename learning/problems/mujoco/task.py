@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from swimmer_mj.learning.problems.forms import BatchPolicy, EnvironmentForm, Epi
 from swimmer_mj.learning.problems.mujoco.episodes import Episode, known_task, open_episode
 from swimmer_mj.learning.problems.mujoco.problem import MujocoProblem, Starts, load_model
 from swimmer_mj.learning.problems.mujoco.tasks.task import Task
-from swimmer_mj.learning.problems.settings import require_choices
 
 __all__ = ["MujocoTask"]
 
@@ -76,13 +75,10 @@ class MujocoTask:
     """For actuators without a ctrlrange."""
     held: bool = True
     """Choose controls for the time for which they are held, not for the instant."""
-    stepping: Literal["auto", "fast", "own"] = "auto"
-    """Of a learner: the model's own steps, or fast ones; "auto", what is known to learn the task, or fast ones."""
     threads: int | None = None
     """All cores by default; what is learned does not depend on it."""
 
     def __post_init__(self) -> None:
-        require_choices(self)
         self._first  # noqa: B018 - an environment that does not exist is refused first
         if math.isnan(self.s_gamma):
             object.__setattr__(self, "s_gamma", self.task.s_gamma)
@@ -145,7 +141,6 @@ class MujocoTask:
             control_timestep=None if first is None else first.control_timestep,
             control_limits=self.limits,
             held=self.held,
-            stepping=task.stepping if self.stepping == "auto" else self.stepping,
             threads=self.threads,
         )
 

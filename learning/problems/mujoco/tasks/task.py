@@ -11,7 +11,6 @@ from torch import Tensor
 
 from swimmer_mj.learning.problems.mujoco.problem import Starts
 from swimmer_mj.learning.problems.mujoco.readings import Scene
-from swimmer_mj.learning.problems.mujoco.simulations import Stepping
 
 __all__ = ["Task"]
 
@@ -43,7 +42,5 @@ class Task(NamedTuple):
     """qpos in coordinates in which there is no goal, from qpos and goal; the goal is then no part of the state."""
     s_gamma: float = 1.0
     """Shortness factor that learns it well, 1/s."""
-    stepping: Stepping = "fast"
-    """Of a learner."""
     advice: Mapping[str, Any] = {}
     """Settings of value gradients that learn it well."""

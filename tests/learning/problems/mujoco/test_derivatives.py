@@ -79,7 +79,7 @@ class ByHand:
         self.problem = problem
         self.model = mujoco.MjModel.from_xml_string(problem.xml)
         option, kinds = self.model.opt, mujoco.mjtIntegrator
-        if problem.stepping == "fast" and option.integrator in (kinds.mjINT_RK4, kinds.mjINT_EULER):
+        if option.integrator in (int(kinds.mjINT_RK4), int(kinds.mjINT_EULER)):
             fluid = option.density > 0 or option.viscosity > 0
             option.integrator = int(kinds.mjINT_IMPLICITFAST if fluid else kinds.mjINT_EULER)
         self.data = mujoco.MjData(self.model)
@@ -137,11 +137,10 @@ def tangent(problem, x, g):
     return out
 
 
-@pytest.mark.parametrize("stepping", ["fast", "own"])
 @pytest.mark.parametrize("seed", range(8))
-def test_costates_of_random_trees_are_central_differences_of_mj_step(seed, stepping):
+def test_costates_of_random_trees_are_central_differences_of_mj_step(seed):
     xml = random_tree(seed)
-    problem = MujocoProblem(xml, reward, control_cost=[0.1] * 6, without=(), threads=1, stepping=stepping)
+    problem = MujocoProblem(xml, reward, control_cost=[0.1] * 6, without=(), threads=1)
     problem.xml = xml
     rng = np.random.default_rng(seed)
     N, p, q = 4, problem.state_size, len(problem.control_limits)
@@ -168,11 +167,10 @@ def test_costates_of_random_trees_are_central_differences_of_mj_step(seed, stepp
         assert np.allclose(tangent(problem, x[n], out[0, :p, n]), expected, rtol=0, atol=1e-5 * scale)
 
 
-@pytest.mark.parametrize("stepping", ["fast", "own"])
-def test_steps_and_drift_of_random_trees_are_mujocos(stepping):
+def test_steps_and_drift_of_random_trees_are_mujocos():
     for seed in range(8):
         xml = random_tree(seed)
-        problem = MujocoProblem(xml, reward, without=(), threads=1, stepping=stepping)
+        problem = MujocoProblem(xml, reward, without=(), threads=1)
         problem.xml = xml
         rng, co = np.random.default_rng(seed), problem.layout.coordinates
         x = problem.initial_states(rng, 3)

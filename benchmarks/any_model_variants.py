@@ -1,0 +1,73 @@
+"""What do the learner's step, its integrator and Huber's loss do to what is learned of a task?
+
+    python benchmarks/any_model_variants.py [--seeds 0 1 2]
+
+adds to benchmarks/results/any-model-variants.csv, a row a look, as any_model.py does: tasks learned with other settings
+than those that ``train`` has for them. A step that is longer or shorter than the environment's control step looks ahead
+for as long, and acts for that control step. A learner that is there already is not learned again.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+import tyro
+from any_model import COLUMNS as LOOKED
+from any_model import learn
+from rich.console import Console
+from yardstick import append, finished
+
+OUT = Path(__file__).parent / "results" / "any-model-variants.csv"
+COLUMNS = (LOOKED[0], "settings", *LOOKED[1:])
+VARIANTS: dict[str, tuple[float, tuple[str, ...]]] = {
+    "dm_control/pendulum/swingup": (60.0, ("", "huber=null")),
+    "gymnasium/InvertedDoublePendulum-v5": (60.0, ("", "huber=null")),
+    "dm_control/cartpole/swingup": (
+        40.0,
+        ("", "stepping=own", "dt=0.0025 steps=100", "dt=0.005 steps=50", "dt=0.02 steps=12", "dt=0.04 steps=6"),
+    ),
+    "gymnasium/Swimmer-v5": (
+        60.0,
+        ("", "stepping=fast", "stepping=fast dt=0.02 steps=50", "dt=0.02 steps=50"),
+    ),
+    "dm_control/acrobot/swingup": (
+        100.0,
+        ("", "huber=null"),
+    ),
+}  # fmt: skip
+"""By task: processor time, s, and the settings, of which the first are those of ``train``."""
+
+
+def main(tasks: tuple[str, ...] = tuple(VARIANTS), seeds: Sequence[int] = (0, 1, 2), out: Path = OUT) -> None:
+    """Learn each variant of each task with each seed.
+
+    Args:
+        tasks: Which, by name.
+        seeds: Of the learners.
+        out: The table that rows are added to.
+    """
+    os.environ.setdefault("MUJOCO_GL", "osmesa")
+    torch.set_num_threads(1)
+    console = Console(highlight=False)
+    finished(out, COLUMNS)  # makes an empty one
+    for seed in seeds:
+        for task in tasks:
+            seconds, variants = VARIANTS[task]
+            for settings in variants:
+                with out.open(newline="", encoding="utf-8") as file:
+                    done = {(row["task"], row["settings"], row["seed"]) for row in csv.DictReader(file)}
+                if (task, settings, str(seed)) in done:
+                    continue
+                console.print(settings or "as train", "...")
+                rows = learn(task, seed, seconds, console, ("threads=1", *settings.split()))
+                append(out, ((row[0], settings, *row[1:]) for row in rows))
+
+
+if __name__ == "__main__":
+    np.seterr(all="warn")
+    tyro.cli(main)
