@@ -61,6 +61,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "gait-basins": gait_tables.basins,
     "gait-shares": gait_tables.shares,
     "any-model": model_tables.any_model,
+    "any-model-variants": model_tables.any_model_variants,
     "own-models": model_tables.own_models,
     "swimmer-as-mjcf": model_tables.swimmer_as_mjcf,
     "swimmer-coordinates": model_tables.swimmer_coordinates,

@@ -14,6 +14,7 @@ from swimmer_mj.learning.experiments.summaries import Summary
 
 __all__ = [
     "any_model",
+    "any_model_variants",
     "jacobian_cost",
     "linear_policies",
     "own_models",
@@ -100,6 +101,23 @@ def any_model() -> Summary:
         "seeds 10 % below their best in the end",
     )
     return Summary("", head, rows)
+
+
+def any_model_variants() -> Summary:
+    """Return of the last look at each seed, by task and settings."""
+    looks: dict[tuple[str, str], dict[str, dict[str, str]]] = {}
+    for row in _rows("any-model-variants.csv"):
+        if row["look"] != "best":
+            looks.setdefault((row["task"], row["settings"]), {})[row["seed"]] = row
+    table = []
+    for (task, settings), last in looks.items():
+        values = np.array([float(row["return_mean"]) for row in last.values()])
+        seconds = np.mean([float(row["cpu_seconds"]) for row in last.values()])
+        each = ", ".join(f"{value:.0f}" for value in values)
+        changed = ", ".join(f"`{one}`" for one in settings.split()) or "as `train`"
+        table.append((f"`{task}`", changed, f"{seconds:.0f}", f"{values.mean():.0f}", each))
+    head = ("task", "settings", "seconds of a core", "return of the last look", "each seed")
+    return Summary("", head, table)
 
 
 def own_models() -> Summary:
