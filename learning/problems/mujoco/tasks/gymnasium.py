@@ -128,7 +128,7 @@ TASKS: dict[str, Task] = {
         (1e-4, 1e-4),
         learned=_centre_of_mass_velocity,
         draw=_swim_anywhere,
-        s_gamma=0.2,
+        s_gamma=0.05,
         advice={"s_lambda": 1.0, "value_weight": 1.0, "half_life": 150.0, "layers": [128, 128]},
     ),
 }
