@@ -202,7 +202,11 @@ TASKS: dict[str, Task] = {
     "point_mass/easy": Task(_point_mass, _point_mass_cost, _point_mass_learned),
     "reacher/easy": Task(_reacher(0.05), learned=_reacher_learned(0.05), draw=_reach_anywhere, goal=_target),
     "reacher/hard": Task(
-        _reacher(0.015), learned=_reacher_learned(0.015), draw=_reach_anywhere, goal=_target
+        _reacher(0.015),
+        learned=_reacher_learned(0.015),
+        draw=_reach_anywhere,
+        goal=_target,
+        advice={"huber": None},  # with it rare positions of the arm are learned late
     ),
     "acrobot/swingup": Task(
         _acrobot,
