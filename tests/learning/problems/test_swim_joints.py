@@ -131,10 +131,11 @@ def test_a_torque_is_chosen_for_the_state_at_the_end_of_its_step(parameters, coo
     np.testing.assert_allclose(y.T, rk4_step(f, x, 0.01), rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("huber", [None, 0.7])
 @VARIANTS
-def test_both_engines_learn_and_act_alike(how):
+def test_both_engines_learn_and_act_alike(how, huber):
     problem = Swimming(s_gamma=0.5, **how)
-    settings = ValueGradientSettings(trajectories=32, minibatch=32, steps=5, flips=0.1)
+    settings = ValueGradientSettings(trajectories=32, minibatch=32, steps=5, flips=0.1, huber=huber)
     starts = problem.initial_states(np.random.default_rng(5), 10)
     results = []
     for engine in ("torch", "compiled"):
