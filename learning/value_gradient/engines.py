@@ -158,7 +158,7 @@ class _TorchEngine(TorchActor):
         coordinates, pull = self.coordinates, None
         if coordinates is not None:  # V and its slope are of them
             X = coordinates.enter(X)
-            _, pull = torch.func.vjp(coordinates.leave, X)
+            pull = torch.func.vjp(coordinates.leave, X)[1]
             g = pull(g)[0]
         if settings.huber is not None:
             estimate = torch.stack(slopes[:-1])
