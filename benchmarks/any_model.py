@@ -5,8 +5,8 @@
 adds to benchmarks/results/any-model.csv, a row a look: value gradients with the settings that ``swimmer-mj train
 --method value-gradient --problem TASK`` has, one learner on one core, judged by the return of ten episodes of the
 unmodified environment. The weights of the best look, or of a later one within 1 % of it, are what a run keeps; the last
-row of a seed, "best", has their return in thirty other episodes. A seed that is there already is not learned again; compilation and looks are not
-counted. Needs the extra ``gymnasium``. The seeds from 100 on were used for nothing else.
+row of a seed, "best", has their return in thirty other episodes. A seed that is there already is not learned again;
+compilation and looks are not counted. Needs the extra ``gymnasium``. The seeds from 100 on were used for nothing else.
 """
 
 from __future__ import annotations

@@ -19,6 +19,7 @@ import measured
 import model_tables
 import tables
 import tournament_results
+import turning
 import tyro
 
 from swimmer_mj.files import replacing
@@ -80,6 +81,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "logs": tables.logs_made,
     "start-up": tables.start_up,
     "open-loop-wave": tables.open_loop_wave,
+    "turning": turning.summary,
     "long-runs": partial(tables.long_runs, LOGS),
 }
 
