@@ -2,9 +2,9 @@
 
 A run directory has ``config.json`` (complete: it defines the run), ``metrics.csv`` (a row an evaluation),
 ``checkpoint.safetensors`` (the weights at the last evaluation and all that resuming needs) and ``best.safetensors``
-(what acted best in an evaluation, see :func:`worth_keeping`), the last two with JSON beside. What was learned since the last evaluation stands in
-``unfinished.safetensors``, if anything was. An interrupted and resumed run computes the same numbers as one that was
-never interrupted.
+(what acted best in an evaluation, see :func:`worth_keeping`), the last two with JSON beside. What was learned since the
+last evaluation stands in ``unfinished.safetensors``, if anything was. An interrupted and resumed run computes the same
+numbers as one that was never interrupted.
 """
 
 from __future__ import annotations
