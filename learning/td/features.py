@@ -43,6 +43,10 @@ class CompiledFeatures(NamedTuple):
     """(constants, x, w, dVdx, scratch): fill dVdx (p,), for H and the greedy control."""
     add: Callable[..., None]
     """(constants, x, gain, e, scratch): e += gain phi(x)."""
+    n_hit: int
+    """How many features are not 0 at a state, if they are few; 0: all may be."""
+    hit: Callable[..., None]
+    """(constants, x, which): fill ``which`` (n_hit,) with their numbers."""
 
 
 class Features(Protocol):
@@ -178,6 +182,11 @@ def _radial_add(grid: _Grid, x: Array, gain: float, e: Array, scratch: Array) ->
         e[k] += gain * scratch[k]
 
 
+@njit(**OPTIONS)
+def _radial_hit(grid: _Grid, x: Array, which: Indices) -> None:
+    """All are hit, which is not said one by one."""
+
+
 @dataclass(frozen=True)
 class RadialBasis:
     """Normalised Gaussians on a product grid: phi_k = a_k / sum_l a_l, a_k = exp(-|(x - c_k) / sigma|^2 / 2).
@@ -217,7 +226,7 @@ class RadialBasis:
             np.array([axis.count for axis in self.axes]),
             self.width,
         )
-        return CompiledFeatures(grid, _radial_value, _radial_slope, _radial_add)
+        return CompiledFeatures(grid, _radial_value, _radial_slope, _radial_add, 0, _radial_hit)
 
 
 class _Tiles(NamedTuple):
@@ -271,6 +280,12 @@ def _tile_add(tiles: _Tiles, x: Array, gain: float, e: Array, scratch: Array) ->
         e[_tile(tiles, t, x, -1, 0.0)] += gain / n_tilings
 
 
+@njit(**OPTIONS)
+def _tile_hit(tiles: _Tiles, x: Array, which: Indices) -> None:
+    for t in range(which.size):
+        which[t] = _tile(tiles, t, x, -1, 0.0)
+
+
 @dataclass(frozen=True)
 class TileCoding:
     """``n_tilings`` grids of boxes, each displaced by its own fraction of a tile; phi is 1 / n_tilings in a hit tile.
@@ -319,4 +334,4 @@ class TileCoding:
             math.prod(self._counts),
             self.slope_width,
         )
-        return CompiledFeatures(tiles, _tile_value, _tile_slope, _tile_add)
+        return CompiledFeatures(tiles, _tile_value, _tile_slope, _tile_add, self.n_tilings, _tile_hit)

@@ -32,6 +32,8 @@ def form_of(problem: CompiledForm, features: CompiledFeatures, by_difference: bo
         slope=features.slope,
         add=features.add,
         by_difference=by_difference,
+        n_hit=features.n_hit,
+        hit=features.hit,
     )
 
 
@@ -80,20 +82,39 @@ def train(
 ) -> None:
     """One trial from each initial state; ``statistics`` (trials, 3) gets the means of V, H^2 and r.
 
-    In each step w += dt eta H e, e += dt (-(s_gamma + s_lambda) e + phi(x)), x += dt f.
+    In each step w += dt eta H e, e += dt (-(s_gamma + s_lambda) e + phi(x)), x += dt f. Where few features are not 0,
+    only those are touched that were hit in the trial.
     """
     f = np.empty(initial_states.shape[1])
     decay = 1.0 - dt * (s_gamma + s_lambda)
+    which, known = np.empty(form.n_hit, np.int64), np.zeros(w.size if form.n_hit > 0 else 0, np.bool_)
+    traced, n_traced = np.empty(min(n_steps * form.n_hit, w.size), np.int64), 0
+    e[:] = 0.0
     for trial in range(initial_states.shape[0]):
-        e[:] = 0.0
+        if form.n_hit > 0:
+            for j in range(n_traced):
+                e[traced[j]], known[traced[j]] = 0.0, False
+            n_traced = 0
+        else:
+            e[:] = 0.0
         x = initial_states[trial].copy()
         statistics[trial] = 0.0
         for _ in range(n_steps):
             V, H, r = _judge(form, constants, features, limits, w, scratch, x, dt, s_gamma, f)
             gain = dt * eta * H
-            for k in range(w.size):
-                w[k] += gain * e[k]
-                e[k] *= decay
+            if form.n_hit > 0:
+                for j in range(n_traced):
+                    w[traced[j]] += gain * e[traced[j]]
+                    e[traced[j]] *= decay
+                form.hit(features, x, which)
+                for k in which:
+                    if not known[k]:
+                        traced[n_traced], known[k] = k, True
+                        n_traced += 1
+            else:
+                for k in range(w.size):
+                    w[k] += gain * e[k]
+                    e[k] *= decay
             form.add(features, x, dt, e, scratch)
             for i in range(x.size):
                 x[i] += dt * f[i]

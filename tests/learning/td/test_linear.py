@@ -148,6 +148,17 @@ def test_a_trial_is_equation_2_written_out(features, form):
     assert statistics.value[0] == pytest.approx(np.mean(values), rel=1e-9)
 
 
+@pytest.mark.parametrize("features", [RADIAL, TILES])
+def test_traces_begin_anew_in_each_trial(features):
+    starts = np.array([[0.4, -1.0], [-2.0, 1.0], [0.5, -1.0]])
+    at_once, one_by_one = learner_for(features), learner_for(features)
+    at_once.train(starts)
+    for start in starts:
+        one_by_one.train(start[None])
+    assert np.array_equal(at_once.weight, one_by_one.weight)
+    assert np.array_equal(at_once.trace, one_by_one.trace)
+
+
 def test_rollout_is_the_integral_of_the_reward():
     """From equilibrium with V = 0 nothing moves: the reward is cos(0) and the return that of a constant."""
     rollout = LinearTD(Pendulum(), RADIAL).rollout(np.zeros((1, 2)), 2.0, skip=1.0)
