@@ -44,7 +44,8 @@ def measured(links: int, speed: float, gait: Gait) -> tuple[float | str, ...]:
     free = replay(gait, replace(feedback, gains=np.zeros_like(feedback.gains)), n_strokes, disturbance)
     late = slice(int(STROKES_LEFT_OUT * n_strokes), None)
     crossings = "; ".join(f"{i}-{j} {share:.0%}" for (i, j), share in crossing_shares(gait).items())
-    fold = np.degrees(np.abs(np.diff(gait.states[:, :links], axis=1)).max())
+    bends = np.diff(gait.states[:, :links], axis=1)
+    fold = np.degrees(np.abs(np.angle(np.exp(1j * bends))).max())  # whole turns make no difference
     return (
         links, speed, gait.pull, gait.duration, float(np.abs(gait.fine[1]).max()),
         float((np.abs(gait.controls) > 0.999 * limits).mean()), *mean_power(gait), float(fold), crossings or "none",
