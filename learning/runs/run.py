@@ -2,9 +2,9 @@
 
 A run directory has ``config.json`` (complete: it defines the run), ``metrics.csv`` (a row an evaluation),
 ``checkpoint.safetensors`` (the weights at the last evaluation and all that resuming needs) and ``best.safetensors``
-(what acted best in an evaluation, see :func:`worth_keeping`), the last two with JSON beside. What was learned since the
-last evaluation stands in ``unfinished.safetensors``, if anything was. An interrupted and resumed run computes the same
-numbers as one that was never interrupted.
+(what acted best in an evaluation), the last two with JSON beside. What was learned since the last evaluation stands in
+``unfinished.safetensors``, if anything was. An interrupted and resumed run computes the same numbers as one that was
+never interrupted.
 """
 
 from __future__ import annotations
@@ -40,26 +40,14 @@ __all__ = [
     "evaluation_sample",
     "evaluation_starts",
     "load_policy",
-    "worth_keeping",
 ]
 
 Array = NDArray[np.float64]
 
 LOG, CHECKPOINT, BEST = "metrics.csv", "checkpoint.safetensors", "best.safetensors"
 UNFINISHED = "unfinished.safetensors"
-NEARLY = 0.01
-"""Share of the best evaluation by which another may stay behind it and still count as nearly as good."""
 SAMPLE_SIZE = 1000
 """States of the initial-state law over which <V>_S and <H^2>_S are taken; those of seed 1."""
-
-
-def worth_keeping(now: float, best: float) -> bool:
-    """Whether weights that came to ``now`` replace those that were kept, when the best so far came to ``best``.
-
-    Of evaluations nearly as good as the best the latest is kept: an early one may have been good by luck, in episodes
-    that happened to suit it, and what was learned since has not made the later one worse.
-    """
-    return now >= best - NEARLY * abs(best)
 
 
 class Metrics(NamedTuple):
@@ -238,8 +226,8 @@ class TrainingRun:
         """Write the run as it stands after the evaluation ``metrics``."""
         self.seconds = metrics.seconds
         self.history.append(metrics)
-        if worth_keeping(metrics.speed, self.best_speed):
-            self.best_speed = max(self.best_speed, metrics.speed)
+        if metrics.speed > self.best_speed:
+            self.best_speed = metrics.speed
             best = {"config": self.config.to_json(), **metrics._asdict()}
             save_checkpoint(self.directory / BEST, self.learning.result(), best)
         self._save(CHECKPOINT, metrics._asdict())
@@ -309,7 +297,7 @@ def load_policy(
 ) -> tuple[Policy, RunConfig, dict[str, Any]]:
     """The policy that a run has learned, its configuration, and what is known of the checkpoint.
 
-    "best" is what acted best in an evaluation (or nearly so, and later), "last" the last that was evaluated.
+    "best" is what acted best in an evaluation, "last" the last that was evaluated.
     """
     config = read_config(directory)
     path = Path(directory) / (BEST if which == "best" else CHECKPOINT)
