@@ -18,6 +18,7 @@ from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs import registry
 from swimmer_mj.learning.td.method import TemporalDifferences
 from swimmer_mj.learning.value_gradient.method import ValueGradients
+from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
 
 __all__ = ["CONFIG", "SCHEMA", "RunConfig", "convert", "read_config", "value_gradient_config"]
 
@@ -76,8 +77,9 @@ class RunConfig:
 
 def value_gradient_config(seed: int = 0) -> RunConfig:
     """The configuration of value gradients that was found to learn fastest; docs/beyond.md."""
-    method = ValueGradients()
-    return RunConfig(Swimming(s_gamma=method.s_gamma), method, seed, method.evaluate_every)
+    problem = Swimming(s_gamma=ValueGradients.s_gamma)
+    method = ValueGradients(ValueGradientSettings(**problem.advice))
+    return RunConfig(problem, method, seed, method.evaluate_every)
 
 
 def convert(old: dict[str, Any]) -> dict[str, Any]:

@@ -226,11 +226,15 @@ def _jobs(asked: dict[str, Any]) -> tuple[list[Job], int]:
 
 
 def _config(asked: dict[str, Any], settings: dict[str, Any], count: int) -> Any:
-    """The configuration with ``settings``, by the names of train's options and of --set."""
+    """The configuration with ``settings``, by the names of train's options and of --set; "null" is None."""
     from swimmer_mj.learning.runs.registry import METHODS, PROBLEMS, find
 
     options = {name: value for name, value in settings.items() if name in OPTIONS}
-    others = [f"{name}={json_module.dumps(value)}" for name, value in settings.items() if name not in OPTIONS]
+    others = [
+        f"{name}={json_module.dumps(None if value == 'null' else value)}"
+        for name, value in settings.items()
+        if name not in OPTIONS
+    ]
     problem, method = asked.get("problem", "swim"), asked.get("method", "td")
     find(problem, PROBLEMS, "problem", importing=False)
     find(method, METHODS, "method", importing=False)

@@ -1,5 +1,7 @@
 """The studies of value gradients: what is varied, what is logged, and that they go on where they were."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,7 +76,10 @@ def test_a_learner_that_diverges_has_rows_of_nan_and_the_others_go_on(tmp_path, 
 def test_each_variant_differs_from_the_chosen_settings_and_from_the_others():
     chosen, *others = studies.ABLATIONS
     config = value_gradient_config()
-    assert (chosen.problem, chosen.method) == (config.problem, config.method)
+    squares = replace(
+        config.method, settings=replace(config.method.settings, huber=None)
+    )  # as they were chosen
+    assert (chosen.problem, chosen.method) == (config.problem, squares)
     configs = [(one.problem, one.method) for one in studies.ABLATIONS]
     assert all(a != b for i, a in enumerate(configs) for b in configs[:i])
     assert len({one.label for one in studies.ABLATIONS}) == len(configs)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from swimmer_mj.cli.training import configured
 from swimmer_mj.learning.pretrained import pretrained_directory, pretrained_names
 from swimmer_mj.learning.problems.cart_pole import CartPole
 from swimmer_mj.learning.problems.differentiable import DifferentiableProblem
@@ -43,6 +44,13 @@ CONFIGS = [
     RunConfig(CartPole(gravity=0.0), ValueGradients(ValueGradientSettings(s_lambda=np.inf), (8, 4, 2)), 3, 5),
     RunConfig(method=ValueGradients(layers=None, neurons=9, sigmoid="logistic", engine="torch")),
 ]
+
+
+def test_value_gradients_of_a_swimmer_are_as_train_has_them():
+    for made in (value_gradient_config(), configured("swim", "value-gradient", {}, 1)):
+        assert made.method == ValueGradients(ValueGradientSettings(huber=1.0))
+    held = configured("swim", "value-gradient", {"held": True}, 1).method
+    assert held == ValueGradients(ValueGradientSettings(huber=1.0, trajectories=256, minibatch=256))
 
 
 @pytest.mark.parametrize("config", CONFIGS)
