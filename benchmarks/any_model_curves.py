@@ -141,7 +141,7 @@ def main(ours: Path = OURS, peers: Path = PEERS, images: Path = IMAGES) -> None:
     """
     found = curves(ours, peers)
     for quantity in QUANTITIES:
-        save_figure(draw(found, quantity), images / f"any-model-{quantity}.png")
+        save_figure(draw(found, quantity), images / f"any-model-{quantity}.png", dpi=110)
 
 
 if __name__ == "__main__":
