@@ -47,7 +47,7 @@ COLUMNS = (
 TURNS = (0, 90, -90, 180)
 """Degrees, the one that is no turn first."""
 DT, SETTLED, AFTER, END = 0.01, 20.0, 15.0, 5.0
-"""s; of the time after the turn, END is what speed is kept at."""
+"""s; the speed in the end is that of the last END."""
 STROKE = 1.0
 """s, over which velocities are averaged: a stroke, or some."""
 HEADED = 20.0
@@ -98,9 +98,8 @@ def ways(policy: Policy, parameters: SwimmerParameters, starts: Array) -> Array:
     z = starts
     for _ in range(round(SETTLED / DT)):
         z, _ = _step(policy, swimmer, z)
-    z = np.concatenate(
-        [_turned(z, n, -math.radians(turn)) for turn in TURNS]
-    )  # the target stays, the swimmer turns
+    # The target stays, the swimmer turns
+    z = np.concatenate([_turned(z, n, -math.radians(turn)) for turn in TURNS])
     way = np.zeros((round(AFTER / DT) + 1, len(z), 2))
     for t in range(len(way) - 1):
         z, moved = _step(policy, swimmer, z)

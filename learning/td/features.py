@@ -44,7 +44,7 @@ class CompiledFeatures(NamedTuple):
     add: Callable[..., None]
     """(constants, x, gain, e, scratch): e += gain phi(x)."""
     n_hit: int
-    """How many features are not 0 at a state, if they are few; 0: all may be."""
+    """How many features are not 0 at a state, but 1 / n_hit, if they are few; 0: all may be anything."""
     hit: Callable[..., None]
     """(constants, x, which): fill ``which`` (n_hit,) with their numbers."""
 

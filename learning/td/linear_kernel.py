@@ -111,11 +111,12 @@ def train(
                     if not known[k]:
                         traced[n_traced], known[k] = k, True
                         n_traced += 1
+                    e[k] += dt / form.n_hit
             else:
                 for k in range(w.size):
                     w[k] += gain * e[k]
                     e[k] *= decay
-            form.add(features, x, dt, e, scratch)
+                form.add(features, x, dt, e, scratch)
             for i in range(x.size):
                 x[i] += dt * f[i]
             statistics[trial, 0] += V / n_steps
