@@ -32,6 +32,7 @@ class OursSettings:
     passes: int = 1
     rate: float = 2e-3
     half_life: float = 500.0
+    huber: float = 1.0
     hidden: int = 64
     engine: Literal["compiled", "torch"] = "compiled"
 
@@ -54,6 +55,7 @@ class Ours:
             passes=settings.passes,
             learning_rate=settings.rate,
             half_life=settings.half_life,
+            huber=settings.huber,
         )
         self.learner = ValueGradientLearner(problem, network, chosen, seed=seed, engine=settings.engine)
 
