@@ -1,4 +1,5 @@
-"""The long runs behind figure 2: 3, 4 and 5 links, the paper's learning rate and a larger one, eight seeds each.
+"""The long runs behind figure 2: 3, 4 and 5 links, the paper's learning rate and a larger one, eight seeds each; and the
+paper's inputs, the state's own 12 numbers (angles within a turn or as they are), by its rate and by a quarter of it.
 
     swimmer-mj figures figure-2 --rerun --out DIRECTORY
 
@@ -11,9 +12,9 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from swimmer_mj.learning.experiments.tables import LOGS, write_table
 from swimmer_mj.learning.problems.swim import Swimming
@@ -25,13 +26,16 @@ from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.method import ETA, TemporalDifferences
 from swimmer_mj.parameters import SwimmerParameters
 
-__all__ = ["ETAS", "SEEDS", "SWIMMERS", "Swimmer", "collect", "configurations", "open_runs", "run"]
+__all__ = ["ANGLES", "ETAS", "SEEDS", "SWIMMERS", "Swimmer", "collect", "configurations", "open_runs", "run", "run_angles"]
 
 SEEDS = range(8)
 EVALUATE_EVERY = 20_000
 """Trials between rows of the log."""
 ETAS = {"paper": 0.01, "tuned": ETA}
 """The paper's learning rate, and the best of a sweep (docs/what-decides.md)."""
+RAW_ETAS = {"paper": 0.01, "quarter": 0.0025}
+RAW_TRIALS = {"paper": 1_000_000, "quarter": 1_000_000}
+"""With angles as inputs, where larger rates diverge."""
 
 
 class Swimmer(NamedTuple):
@@ -44,13 +48,20 @@ class Swimmer(NamedTuple):
     """By preset."""
     steps_per_s: float
     """Learning steps that one learner alone does on one core of the machine of docs/performance.md, about."""
+    encoding: Literal["circle", "angle", "unwrapped"] = "circle"
+    etas: Mapping[str, float] = ETAS
+    """Learning rates, by preset."""
 
 
 SWIMMERS = {
     "swim3": Swimmer(3, 30, {"paper": 400_000, "tuned": 400_000}, 1.0e6),
     "swim4": Swimmer(4, 60, {"paper": 300_000, "tuned": 300_000}, 4.7e5),
     "swim5": Swimmer(5, 60, {"paper": 3_000_000, "tuned": 1_000_000}, 4.38e5),
+    "swim5-angle": Swimmer(5, 60, RAW_TRIALS, 4.38e5, "angle", RAW_ETAS),
+    "swim5-unwrapped": Swimmer(5, 60, RAW_TRIALS, 4.38e5, "unwrapped", RAW_ETAS),
 }
+ANGLES = ("swim5-angle", "swim5-unwrapped")
+"""Those that hear angles, not their cosines and sines."""
 
 
 def configurations(name: str, preset: str) -> dict[str, RunConfig]:
@@ -58,8 +69,8 @@ def configurations(name: str, preset: str) -> dict[str, RunConfig]:
     swimmer = SWIMMERS[name]
     return {
         f"{name}-{preset}/seed-{seed}": RunConfig(
-            Swimming(SwimmerParameters(n_links=swimmer.links)),
-            TemporalDifferences(TDSettings(eta=ETAS[preset]), swimmer.neurons, engine="population"),
+            Swimming(SwimmerParameters(n_links=swimmer.links), encoding=swimmer.encoding),
+            TemporalDifferences(TDSettings(eta=swimmer.etas[preset]), swimmer.neurons, engine="population"),
             seed,
             EVALUATE_EVERY,
         )
@@ -80,7 +91,7 @@ def open_runs(name: str, preset: str, directory: Path) -> list[TrainingRun]:
 def collect(name: str, runs: Path, log: Path) -> None:
     """Write the metrics of all runs of a swimmer, as far as they have come, to one table."""
     rows = []
-    for preset in ETAS:
+    for preset in SWIMMERS[name].etas:
         for path, config in configurations(name, preset).items():
             metrics = runs / path / METRICS_LOG
             if metrics.exists():
@@ -101,14 +112,23 @@ def run(name: str, directory: str | os.PathLike[str] = LOGS, report: Callable[[s
             where = news.run.directory.relative_to(directory)
             report(f"{where}: trial {row.trial:,}, <V> {row.mean_value:.3f} m, speed {row.speed:.3f} m/s")
 
-    opened = {preset: open_runs(name, preset, directory / "runs") for preset in ETAS}
+    opened = {preset: open_runs(name, preset, directory / "runs") for preset in SWIMMERS[name].etas}
     try:
         # Both presets in one pack, and what has more trials to do alone after that
         for trials in sorted(set(SWIMMERS[name].trials.values())):
             unfinished = [
-                run for preset in ETAS if SWIMMERS[name].trials[preset] >= trials for run in opened[preset]
+                run for preset in opened if SWIMMERS[name].trials[preset] >= trials for run in opened[preset]
             ]
             train_together(unfinished, trials=trials, report=news, workers=1)
     finally:  # a run that diverged or an interruption leaves what the others have learned
         if any(run.history for runs in opened.values() for run in runs):
             collect(name, directory / "runs", directory / f"{name}.csv")
+
+
+def run_angles(directory: str | os.PathLike[str] = LOGS, report: Callable[[str], None] = print) -> None:
+    """As :func:`run`, of all :data:`ANGLES`. A run that diverges is a result: its rows end where it last was sound."""
+    for name in ANGLES:
+        try:
+            run(name, directory, report)
+        except FloatingPointError as error:
+            report(str(error))

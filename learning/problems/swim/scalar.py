@@ -24,12 +24,12 @@ def make(problem: Swimming) -> CompiledForm | None:
     if problem.coordinates != "links" or problem.held:
         return None
     n = problem.parameters.n_links
-    functions = _compiled_functions(n, problem.encoding == "circle")
+    functions = _compiled_functions(n, problem.encoding)
     return CompiledForm(reduced_constants(problem.parameters), compile_reduced_dynamics(n), *functions)
 
 
 @lru_cache(maxsize=16)
-def _compiled_functions(n: int, circle: bool) -> tuple[Any, Any, Any]:
+def _compiled_functions(n: int, encoding: str) -> tuple[Any, Any, Any]:
     @njit(error_model="numpy")
     def reward(constants: Any, x: Array) -> float:
         return x[2 * n]
@@ -50,10 +50,12 @@ def _compiled_functions(n: int, circle: bool) -> tuple[Any, Any, Any]:
         dVdx[2 * n] = dVdz[3 * n]
         dVdx[2 * n + 1] = dVdz[3 * n + 1]
 
+    wraps = encoding == "angle"
+
     @njit(error_model="numpy")
     def angle_inputs(x: Array, z: NDArray[Any]) -> None:
         for i in range(n):
-            z[i] = x[i] - TURN * np.rint(x[i] / TURN)
+            z[i] = x[i] - TURN * np.rint(x[i] / TURN) if wraps else x[i]
             z[n + i] = RATE_SCALE * x[n + i]
         z[2 * n] = x[2 * n]
         z[2 * n + 1] = x[2 * n + 1]
@@ -66,4 +68,4 @@ def _compiled_functions(n: int, circle: bool) -> tuple[Any, Any, Any]:
         dVdx[2 * n] = dVdz[2 * n]
         dVdx[2 * n + 1] = dVdz[2 * n + 1]
 
-    return (reward, inputs, input_pullback) if circle else (reward, angle_inputs, angle_pullback)
+    return (reward, inputs, input_pullback) if encoding == "circle" else (reward, angle_inputs, angle_pullback)

@@ -63,8 +63,9 @@ class Swimming:
     """Who computes drift and control matrix: A.3, or MuJoCo. With "mujoco", TD(lambda) learns in dm_control itself."""
     integrator: Literal["euler", "rk4"] = "euler"
     """"euler" steps the reduced variables (section 4); "rk4" steps the full state, as MuJoCo's RK4 does."""
-    encoding: Literal["circle", "angle"] = "circle"
-    """Inputs for each angle: its cosine and sine (chosen), or the angle itself in [-pi, pi]."""
+    encoding: Literal["circle", "angle", "unwrapped"] = "circle"
+    """Inputs for each angle: its cosine and sine (chosen), or the angle itself in [-pi, pi], or as it is after however
+    many turns."""
     initial_law: InitialLaw = "moderate"
     """See :func:`swimmer_mj.initial_states.random_initial_state`."""
     coordinates: Literal["links", "joints"] = "links"
@@ -168,9 +169,9 @@ class Swimming:
             return other.encode(other.enter(x))
         n = self.parameters.n_links
         theta, theta_dot, velocity = x[..., :n], x[..., n : 2 * n], x[..., 2 * n :]
-        if self.encoding == "angle":
-            wrapped = theta - TURN * torch.round(theta / TURN)
-            return torch.cat([wrapped, RATE_SCALE * theta_dot, velocity], dim=-1)
+        if self.encoding != "circle":
+            turns = torch.round(theta / TURN) if self.encoding == "angle" else 0.0
+            return torch.cat([theta - TURN * turns, RATE_SCALE * theta_dot, velocity], dim=-1)
         return torch.cat([torch.cos(theta), torch.sin(theta), RATE_SCALE * theta_dot, velocity], dim=-1)
 
     def form(self, kind: type[Form]) -> Form | None:

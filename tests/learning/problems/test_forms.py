@@ -26,6 +26,7 @@ PROBLEMS = {
     "swim5": (Swimming(), FORMS),
     "unequal": (Swimming(UNEQUAL), FORMS),
     "raw angles": (Swimming(UNEQUAL, encoding="angle"), {TorchForm, CompiledForm}),
+    "unwrapped angles": (Swimming(UNEQUAL, encoding="unwrapped"), {TorchForm, CompiledForm}),
     "pendulum": (Pendulum(mass=1.3, length=0.8, damping=0.2), {TorchForm, CompiledForm}),
     "cart-pole": (CartPole(cart_mass=2.0, pole_mass=0.4), {TorchForm}),
 }
@@ -65,7 +66,7 @@ def test_offers_what_it_has(name):
 
 def test_only_swimmers_have_an_environment():
     for name, (problem, _) in PROBLEMS.items():
-        swims = name in ("swim5", "unequal", "raw angles")
+        swims = name in ("swim5", "unequal", "raw angles", "unwrapped angles")
         assert (problem.form(EnvironmentForm) is not None) == swims
         assert (problem.form(SwimmerForm) is not None) == swims
         assert problem.form(TrialsForm) is None
