@@ -1,5 +1,6 @@
-"""The long runs behind figure 2: 3, 4 and 5 links, the paper's learning rate and a larger one, eight seeds each; and the
-paper's inputs, the state's own 12 numbers (angles within a turn or as they are), by its rate and by a quarter of it.
+"""The long runs behind figure 2: 3, 4 and 5 links, the paper's learning rate and a larger one, eight seeds each.
+
+And of 5 links with the state's own 12 numbers as inputs, as the paper has them: by its rate, and by a quarter of it.
 
     swimmer-mj figures figure-2 --rerun --out DIRECTORY
 
@@ -26,7 +27,18 @@ from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.method import ETA, TemporalDifferences
 from swimmer_mj.parameters import SwimmerParameters
 
-__all__ = ["ANGLES", "ETAS", "SEEDS", "SWIMMERS", "Swimmer", "collect", "configurations", "open_runs", "run", "run_angles"]
+__all__ = [
+    "ANGLES",
+    "ETAS",
+    "SEEDS",
+    "SWIMMERS",
+    "Swimmer",
+    "collect",
+    "configurations",
+    "open_runs",
+    "run",
+    "run_angles",
+]
 
 SEEDS = range(8)
 EVALUATE_EVERY = 20_000

@@ -51,18 +51,24 @@ from swimmer_mj.learning.td.levenberg_marquardt import LevenbergMarquardt
 from swimmer_mj.learning.td.population import LANES, PopulationTD
 
 __all__ = [
+    "CURVE_HEADER",
     "LEARNING_LOG",
     "METHODS",
     "NOISE_LOG",
+    "SWEEP_HEADER",
     "SWEEP_LOG",
     "TASKS",
     "WEIGHTS_LOG",
     "Candidate",
+    "Row",
     "Task",
     "Team",
     "best",
+    "compare",
+    "grid",
     "noise_and_curvature",
     "run",
+    "sweep",
 ]
 
 LEARNING_LOG = "section-3.4.csv"
@@ -144,7 +150,8 @@ class Task:
         return self.problem.initial_states(np.random.default_rng(100), 32)
 
 
-def _grid(method: Method, etas: Sequence[float], bounds: Sequence[float] = (0.0,)) -> tuple[Candidate, ...]:
+def grid(method: Method, etas: Sequence[float], bounds: Sequence[float] = (0.0,)) -> tuple[Candidate, ...]:
+    """Settings of ``method`` with each eta and each bound."""
     return tuple(Candidate(method, eta, bound) for bound in bounds for eta in etas)
 
 
@@ -160,10 +167,10 @@ TASKS = {
         noise_every=400,
         sweep_every=200,
         candidates=(
-            *_grid("plain", (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)),
-            *_grid("output scaled", (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)),
-            *_grid("vario-eta", (0.001, 0.003, 0.01, 0.03, 0.1), (0.001, 0.01, 0.1)),
-            *_grid("Levenberg-Marquardt", (0.001, 0.003, 0.01, 0.03, 0.1, 0.3), (0.01, 0.1, 1.0)),
+            *grid("plain", (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)),
+            *grid("output scaled", (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)),
+            *grid("vario-eta", (0.001, 0.003, 0.01, 0.03, 0.1), (0.001, 0.01, 0.1)),
+            *grid("Levenberg-Marquardt", (0.001, 0.003, 0.01, 0.03, 0.1, 0.3), (0.01, 0.1, 1.0)),
         ),
     ),
     "swim5": Task(
@@ -177,10 +184,10 @@ TASKS = {
         noise_every=2000,
         sweep_every=2500,
         candidates=(
-            *_grid("plain", (0.003, 0.01, 0.03, 0.1, 0.3)),
-            *_grid("output scaled", (0.01, 0.03, 0.1, 0.3)),
-            *_grid("vario-eta", (0.001, 0.003, 0.01, 0.03, 0.1), (0.01, 0.1)),
-            *_grid("Levenberg-Marquardt", (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1), (0.01, 0.1)),
+            *grid("plain", (0.003, 0.01, 0.03, 0.1, 0.3)),
+            *grid("output scaled", (0.01, 0.03, 0.1, 0.3)),
+            *grid("vario-eta", (0.001, 0.003, 0.01, 0.03, 0.1), (0.01, 0.1)),
+            *grid("Levenberg-Marquardt", (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1), (0.01, 0.1)),
         ),
     ),
 }

@@ -68,4 +68,6 @@ def _compiled_functions(n: int, encoding: str) -> tuple[Any, Any, Any]:
         dVdx[2 * n] = dVdz[2 * n]
         dVdx[2 * n + 1] = dVdz[2 * n + 1]
 
-    return (reward, inputs, input_pullback) if encoding == "circle" else (reward, angle_inputs, angle_pullback)
+    return (
+        (reward, inputs, input_pullback) if encoding == "circle" else (reward, angle_inputs, angle_pullback)
+    )
