@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from swimmer_mj.intervals import mean_and_interval_text as interval
 from swimmer_mj.learning.experiments import figure_1, section_3_3, section_3_4
+from swimmer_mj.learning.experiments.section_3_3 import power_of_n
 from swimmer_mj.learning.experiments.tables import last_look, read_table, rows_where, span
 
 __all__ = [
@@ -80,19 +79,11 @@ def vario(logs: Path) -> str:
 
 
 def exponent(logs: Path, least: int = 30) -> tuple[float, float, float]:
-    """b of ratio ~ n^b on the swimmer from ``least`` neurons on: estimate, half its 95 % interval, p of b = 1.
-
-    By least squares of the logarithms, over all seeds and sizes, each of which is a network of its own.
-    """
+    """:func:`power_of_n` of the ratio on the swimmer after 20,000 trials, from ``least`` neurons on."""
     table = rows_where(read_table(logs / section_3_3.LOG), output_scaling=1, problem="swim5")
     last = last_look(table)
     many = last["n"] >= least
-    ratio = last["output"][many] / last["internal"][many]
-    fit: Any = stats.linregress(np.log(last["n"][many]), np.log(ratio))
-    freedom = int(many.sum()) - 2
-    half = float(stats.t.ppf(0.975, freedom) * fit.stderr)
-    p = 2 * stats.t.sf(abs(fit.slope - 1.0) / fit.stderr, freedom)
-    return float(fit.slope), half, float(p)
+    return power_of_n(last["n"][many], last["output"][many] / last["internal"][many])
 
 
 def ratios(logs: Path) -> str:

@@ -17,10 +17,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy import stats
 
 from swimmer_mj.learning.experiments.noise import NoiseMeter
 from swimmer_mj.learning.experiments.tables import LOGS, Path, write_table
@@ -30,7 +32,7 @@ from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
 
-__all__ = ["HEADER", "LOG", "noise_summary", "run"]
+__all__ = ["HEADER", "LOG", "noise_summary", "power_of_n", "run"]
 
 LOG = "section-3.3.csv"
 
@@ -86,6 +88,18 @@ def noise_summary(
         *np.quantile(by_neuron, [0.05, 0.95]),
         np.median(ratio),
     )
+
+
+def power_of_n(n: NDArray[np.float64], ratio: NDArray[np.float64]) -> tuple[float, float, float]:
+    """b of ratio ~ n^b: estimate, half its 95 % interval, p of b = 1.
+
+    By least squares of the logarithms over networks of ``n`` neurons, shape (networks,), of all seeds and sizes.
+    """
+    fit: Any = stats.linregress(np.log(n), np.log(ratio))
+    freedom = len(n) - 2
+    half = float(stats.t.ppf(0.975, freedom) * fit.stderr)
+    p = 2 * stats.t.sf(abs(fit.slope - 1.0) / fit.stderr, freedom)
+    return float(fit.slope), half, float(p)
 
 
 def _one_learner(
