@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
 from swimmer_mj.intervals import mean_and_interval
-from swimmer_mj.learning.experiments import long_runs, noise_at_length, rates_at_length
+from swimmer_mj.learning.experiments import linear_swimmer, long_runs, noise_at_length, rates_at_length
 from swimmer_mj.learning.experiments.section_3_3 import power_of_n
 from swimmer_mj.learning.experiments.section_3_4 import METHODS
 from swimmer_mj.learning.experiments.tables import LOGS, Path, Table, last_look, read_table, rows_where
@@ -17,7 +17,7 @@ from swimmer_mj.render.bands import band, quartiles
 from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, log_axis, plain_axes
 from swimmer_mj.render.second_order import METHOD_COLORS, METHOD_LABELS
 
-__all__ = ["draw_noise_at_length", "draw_rates_at_length", "draw_raw_angles"]
+__all__ = ["draw_linear_swimmer", "draw_noise_at_length", "draw_rates_at_length", "draw_raw_angles"]
 
 Logs = str | os.PathLike[str]
 
@@ -87,7 +87,7 @@ def draw_rates_at_length(logs: Logs = LOGS) -> Figure:
     curve.set_xlabel("trials")
     curve.set_ylabel("swimming speed  (m/s)")
     curve.set_title(f"{len(np.unique(table['seed']))} seeds: median and quartiles", fontsize=10)
-    at_end.set_title("at the end: each seed, mean, 95 % interval", fontsize=10)
+    at_end.set_title("at the end: mean, 95 % interval", fontsize=10)
     at_end.set_xticks(range(len(METHODS)), ["plain", "scaled", r"vario-$\eta$", "L.-M."])
     at_end.set_xlim(-0.6, len(METHODS) - 0.4)
     handles, labels = curve.get_legend_handles_labels()
@@ -104,6 +104,8 @@ def draw_noise_at_length(logs: Logs = LOGS) -> Figure:
     panels = figure.subplots(1, len(etas) + 1)
     for axes, eta in zip(panels, etas, strict=False):
         plain_axes(axes)
+        if axes is not panels[0]:
+            axes.sharey(panels[0])
         for n, color in zip(sizes, COLORS, strict=False):
             band(axes, rows_where(table, eta=eta, n=n), "trial", "per_n", color, f"n = {n:g}")
         axes.axhline(1, color=INK, linewidth=1.1, linestyle=(0, (5, 3)))
@@ -111,7 +113,6 @@ def draw_noise_at_length(logs: Logs = LOGS) -> Figure:
         log_axis(axes, "y")
         axes.set_xlabel("trials")
         axes.set_title(rf"$\eta$ = {eta:g}", fontsize=10)
-        axes.sharey(panels[0])
     panels[0].set_ylabel("ratio of variances / n")
     panels[0].legend(frameon=False, fontsize=8)
     last = panels[-1]
@@ -136,4 +137,31 @@ def draw_noise_at_length(logs: Logs = LOGS) -> Figure:
     last.set_ylabel("ratio of variances")
     last.set_title(f"after {moment:,.0f} trials", fontsize=10)
     last.legend(frameon=False, fontsize=8)
+    return figure
+
+
+def draw_linear_swimmer(logs: Logs = LOGS) -> Figure:
+    """Speed of 3 links by tile coding and by the cascade, against trials and against processor time."""
+    table = rows_where(read_table(Path(logs) / linear_swimmer.LOG), stage="final")
+    figure = Figure(figsize=(9.6, 4.0), layout="constrained")
+    by_trial, by_time = figure.subplots(1, 2, sharey=True)
+    for axes in (by_trial, by_time):
+        plain_axes(axes)
+    for name, color in (("cascade", BLUE), ("tile coding", ORANGE)):
+        rows = rows_where(table, approximator=name)
+        label = f"{name}, {rows['weights'][0]:,.0f} weights"
+        band(by_trial, rows, "trial", "speed", color, label)
+        for seed in np.unique(rows["seed"]):
+            one = rows_where(rows, seed=seed)
+            by_time.plot(one["seconds"], one["speed"], color=color, linewidth=0.5, alpha=0.5)
+        _, _, middle, _ = quartiles(rows, "trial", "speed")
+        _, _, seconds, _ = quartiles(rows, "trial", "seconds")
+        by_time.plot(seconds, middle, color=color, linewidth=1.8)
+    log_axis(by_time, "x")
+    by_trial.xaxis.set_major_formatter(EngFormatter(sep=""))
+    by_trial.set_xlabel("trials")
+    by_time.set_xlabel("seconds of a core")
+    by_trial.set_ylabel("swimming speed  (m/s)")
+    handles, labels = by_trial.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=2, frameon=False)
     return figure

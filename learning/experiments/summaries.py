@@ -16,8 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimmer_mj.intervals import mean_and_interval_text
-from swimmer_mj.learning.experiments import long_runs, section_3_3, value_gradients, what_decides
-from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where, settings_of
+from swimmer_mj.learning.experiments import (
+    long_runs,
+    section_3_3,
+    value_gradients,
+    what_decides,
+)
+from swimmer_mj.learning.experiments.tables import LOGS, Summary, Table, read_table, rows_where, settings_of
 from swimmer_mj.learning.td.continuous_td import TDSettings
 
 __all__ = [
@@ -42,19 +47,6 @@ Logs = str | os.PathLike[str]
 
 SHARES = (0.5, 0.8, 0.95)
 """Of a run's top speed."""
-
-
-class Summary(NamedTuple):
-    """A table of text."""
-
-    title: str
-    header: tuple[str, ...]
-    rows: list[tuple[str, ...]]
-
-    def markdown(self) -> str:
-        """The table in Markdown, without its title."""
-        lines = [self.header, ("---",) * len(self.header), *self.rows]
-        return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
 
 
 # Long runs ---------------------------------------------------------------------------------------------------------

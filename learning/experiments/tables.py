@@ -6,19 +6,43 @@ import csv
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimmer_mj.files import replacing
 
-__all__ = ["LOGS", "Table", "last_look", "read_table", "rows_where", "settings_of", "span", "write_table"]
+__all__ = [
+    "LOGS",
+    "Summary",
+    "Table",
+    "last_look",
+    "read_table",
+    "rows_where",
+    "settings_of",
+    "span",
+    "write_table",
+]
 
 LOGS = Path(__file__).parent / "logs"
 """The committed logs."""
 
 Table = dict[str, NDArray]
 """Columns by name, each of shape (rows,): float64, or str where a cell is not a number."""
+
+
+class Summary(NamedTuple):
+    """A table of text."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+
+    def markdown(self) -> str:
+        """The table in Markdown, without its title."""
+        lines = [self.header, ("---",) * len(self.header), *self.rows]
+        return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
 
 
 def write_table(
