@@ -49,6 +49,9 @@ TASK = Task(
         *grid("vario-eta", (0.0001,), (0.0001, 0.0003, 0.001, 0.003)),
         *grid("vario-eta", (0.0003, 0.0006, 0.001, 0.003), (0.0001,)),
         *grid("Levenberg-Marquardt", (0.001, 0.003, 0.01, 0.03), (0.003, 0.01, 0.03, 0.1)),
+        *grid("Levenberg-Marquardt", (0.0003,), (0.0003, 0.001, 0.003, 0.01)),
+        *grid("Levenberg-Marquardt", (0.0006,), (0.001, 0.003)),
+        *grid("Levenberg-Marquardt", (0.001,), (0.0003, 0.001)),
     ),
 )
 
