@@ -139,7 +139,7 @@ def test_tile_coding_beside_the_cascade(tmp_path, check_whole):
             speed * trial,
             0.25,
         )
-        for stage in ("first", "final")
+        for stage, share in (("first", 0.5), ("final", 1.0))
         for name, weights, seconds, speed in (
             ("cascade", 795, 1e-4, 1e-5),
             ("tile coding", 7_776_000, 1e-2, 2e-6),
