@@ -136,7 +136,7 @@ def test_tile_coding_beside_the_cascade(tmp_path, check_whole):
             seconds * trial,
             0.1,
             0.2,
-            speed * trial,
+            share * speed * trial,
             0.25,
         )
         for stage, share in (("first", 0.5), ("final", 1.0))
