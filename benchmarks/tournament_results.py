@@ -76,7 +76,7 @@ def finalists(out: Path = OUT) -> dict[str, list[Looks]]:
 def tuning(out: Path = OUT) -> Summary:
     """What each setting that was tried came to, and what is changed in the one that went into the final."""
     table, rows = [], read(out)
-    for name, peer in PEERS.items():
+    for name in PEERS:
         samples = tuned(rows, name)
         if not samples:
             continue
@@ -84,7 +84,6 @@ def tuning(out: Path = OUT) -> Summary:
         known, chosen = (samples[sample][1] for sample in (0, best))
         changed = ", ".join(f"{key} {value}" for key, value in chosen.items() if value != known.get(key))
         speeds = ", ".join(f"{samples[sample][0]:.2f}" for sample in sorted(samples))
-        assert peer.laws.keys() <= chosen.keys()
         table.append((NAMES[name], speeds, changed or "the best known"))
     return Summary(
         "", ("learner", "settings tried, m/s", "into the final, but for what is best known"), table

@@ -24,6 +24,7 @@ from swimmer_mj.learning.experiments import (
     value_bias,
 )
 from swimmer_mj.learning.experiments.tables import LOGS, Path, Table, read_table, rows_where
+from swimmer_mj.render.at_length import draw_linear_swimmer, draw_rates_at_length
 from swimmer_mj.render.bands import NAMES, band, quartiles
 from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, plain_axes
 from swimmer_mj.render.long_runs import draw_long_runs, draw_what_decides
@@ -419,7 +420,9 @@ FIGURES: dict[str, Callable[[Logs], Figure]] = {
     "figure-2-4-links": partial(draw_long_runs, "swim4"),
     "section-3.3": draw_section_3_3,
     "section-3.4": draw_section_3_4,
+    "rates-at-length": draw_rates_at_length,
     "linear": draw_linear,
+    "linear-swimmer": draw_linear_swimmer,
     "hamiltonian": draw_hamiltonian,
     "value-bias": draw_value_bias,
     "what-decides": draw_what_decides,

@@ -418,7 +418,7 @@ def test_train_reports_and_resumes(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("options", "eta"), [([], 0.16), (["--vario-eta"], 0.04), (["--vario-eta", "--eta", "0.01"], 0.01)]
+    ("options", "eta"), [([], 0.16), (["--vario-eta"], 0.0003), (["--vario-eta", "--eta", "0.01"], 0.01)]
 )
 def test_the_learning_rate_is_smaller_with_vario_eta(tmp_path, capsys, options, eta):
     out = tmp_path / "run"

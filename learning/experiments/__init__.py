@@ -14,7 +14,9 @@ from swimmer_mj.learning.experiments import (
     figure_1,
     hamiltonians,
     linear_approximators,
+    linear_swimmer,
     long_runs,
+    rates_at_length,
     section_3_3,
     section_3_4,
     value_bias,
@@ -81,10 +83,22 @@ EXPERIMENTS: dict[str, Experiment] = {
             ),
         ),
         Experiment(
+            "rates-at-length",
+            "section 3.4's four ways to set rates, 60 neurons, until they swim",
+            rates_at_length.run,
+            (rates_at_length.LEARNING_LOG, rates_at_length.SWEEP_LOG),
+        ),
+        Experiment(
             "linear",
             "radial basis functions and tile coding: the pendulum, and their cost with more links",
             linear_approximators.run,
             (linear_approximators.LEARNING_LOG, linear_approximators.COST_LOG),
+        ),
+        Experiment(
+            "linear-swimmer",
+            "tile coding on the swimmer of 3 links, beside the cascade",
+            linear_swimmer.run,
+            (linear_swimmer.LOG,),
         ),
         Experiment(
             "hamiltonian",

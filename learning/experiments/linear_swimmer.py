@@ -143,6 +143,8 @@ def run(
         report(f"{stage}, {name}, {dict(settings)}, seed {seed}: {rows[-1][HEADER.index('speed')]:.3f} m/s")
         write_table(Path(directory) / LOG, HEADER, rows, digits=4)
 
+    for learner in (make_tiles(BEST_KNOWN), make_cascade(0)):  # what is compiled, is compiled now
+        learner.train(learner.problem.initial_states(np.random.default_rng(0), 1))
     chosen = [BEST_KNOWN, *(BEST_KNOWN | one for one in random_search(LAWS, samples - 1, seed=0))]
     for k, (stage, after) in enumerate((("first", 4), ("second", 1), ("final", 0))):
         for settings in chosen:

@@ -19,6 +19,7 @@ from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments import (
     long_runs,
     section_3_3,
+    summaries_at_length,
     value_gradients,
     what_decides,
 )
@@ -350,6 +351,8 @@ TABLES: dict[str, Callable[[Logs], Summary]] = {
     "figure-2-3-links": partial(learning_times, "swim3"),
     "figure-2-4-links": partial(learning_times, "swim4"),
     "section-3.3": noise_ratios,
+    "rates-at-length": summaries_at_length.rates,
+    "linear-swimmer": summaries_at_length.linear,
     "what-decides": speeds_by_setting,
     "value-gradient-ablation": ablation,
     "value-gradient-links": speeds_by_links,

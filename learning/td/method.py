@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 PAPER_NEURONS = 60
 ETA = 0.16
 """Learning rate: the best of a sweep with 5 links (docs/what-decides.md); the paper's is 0.01."""
-VARIO_ETA = 0.04
-"""With vario-eta; 0.16 diverges."""
+VARIO_ETA = 0.0003
+"""With vario-eta: the best of another sweep (docs/reproduction.md, rates at length)."""
 MANY = 4
 """Seeds above which a pack is faster than one learner after the other."""
 

@@ -21,10 +21,10 @@ class VarioEta:
 
     beta: float = 0.01
     """Variance decay per trial (paper: "a typical choice is 1/100")."""
-    epsilon: float = 0.01
-    """Bounds the rate at eta / epsilon (chosen; sqrt(v) as seen is 0.001 to 0.1)."""
-    initial_variance: float = 100.0
-    """v_i(0), "a large enough value" (chosen: rates start at about eta / 10 and grow)."""
+    epsilon: float = 0.0003
+    """Bounds the rate at eta / epsilon (the best of a sweep on the swimmer; sqrt(v) as seen is 0.001 to 0.1)."""
+    initial_variance: float = 10_000.0
+    """v_i(0), "a large enough value" (of the same sweep, where 1 and 100 did as well)."""
 
     def __post_init__(self) -> None:
         if not 0 < self.beta <= 1:

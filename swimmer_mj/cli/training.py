@@ -94,7 +94,7 @@ def train(
             that can be had is the default; for td, population with more than 4 seeds.
         neurons: Neurons of the cascade, the output counted; 60 by default for td, as in the paper. Without it,
             value-gradient has two layers of 64.
-        eta: Learning rate of td; 0.16 by default, 0.04 with --vario-eta (paper: 0.01, which is slower).
+        eta: Learning rate of td; 0.16 by default, 0.0003 with --vario-eta (paper: 0.01, which is slower).
         s_gamma: Shortness factor, 1/s; 1 by default for td, 0.5 for value-gradient.
         s_lambda: Decay of eligibility besides s_gamma, 1/s; 1 by default.
         vario_eta: Adapt the rate of each weight by vario-eta, instead of scaling the output unit's.
