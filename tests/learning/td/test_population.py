@@ -115,7 +115,7 @@ def test_pendulums_are_the_reference_with_rates_of_each_weight():
     """Vario-eta, rates of each weight and rates of each neuron in one pack, against the torch reference itself."""
     problem = Pendulum()
     settings = [
-        {"vario": VarioEta(), "eta": 0.4},
+        {"vario": VarioEta(epsilon=0.01, initial_variance=100.0), "eta": 0.4},
         {"vario": VarioEta(beta=0.3, initial_variance=1.0), "s_lambda": 0.2, "output_scaling": False},
         {"eta": 0.1, "s_lambda": 3.0},
         {"eta": 0.03, "output_scaling": False},
