@@ -42,6 +42,7 @@ INTERNAL = (
     "swimmer_mj.passive.",
     "swimmer_mj.render.bands",
     "swimmer_mj.render.chain",
+    "swimmer_mj.render.at_length",
     "swimmer_mj.render.long_runs",
     "swimmer_mj.render.overlay",
     "swimmer_mj.render.second_order",
