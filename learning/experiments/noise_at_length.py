@@ -45,23 +45,13 @@ HEADER = ("problem", "n", "eta", *SHORT_HEADER[3:-1], "speed")
 Row = tuple[str | float, ...]
 
 
-def _configuration(n: int, eta: float, seed: int, every: int) -> RunConfig:
+def _open(directory: Path, n: int, eta: float, seed: int, every: int) -> TrainingRun:
+    """The run below ``directory``, new or as it was left."""
+    path = directory / "runs" / f"{n}-neurons" / f"eta-{eta:g}" / f"seed-{seed}"
+    if (path / "config.json").exists():
+        return TrainingRun(path, resume=True)
     method = TemporalDifferences(TDSettings(eta=eta), n, engine="population")
-    return RunConfig(Swimming(), method, seed, every)
-
-
-def _open(directory: Path, config: RunConfig) -> TrainingRun:
-    """The run of ``config`` below ``directory``, new or as it was left."""
-    method = config.method
-    assert isinstance(method, TemporalDifferences)
-    path = (
-        directory
-        / "runs"
-        / f"{method.neurons}-neurons"
-        / f"eta-{method.settings.eta:g}"
-        / f"seed-{config.seed}"
-    )
-    return TrainingRun(path, resume=True) if (path / "config.json").exists() else TrainingRun(path, config)
+    return TrainingRun(path, RunConfig(Swimming(), method, seed, every))
 
 
 def measure(runs: Sequence[TrainingRun], trials: int = METERED, beta: float = BETA) -> list[Row]:
@@ -114,12 +104,12 @@ def run(
     rows = _rows(log)
     done = {(row[1], row[4]) for row in rows}
     for n in neurons:
-        configs = [_configuration(n, eta, seed, moments[0]) for eta in etas for seed in seeds]
+        wanted = [(n, eta, seed, moments[0]) for eta in etas for seed in seeds]
         opened: list[TrainingRun] = []
         for moment in moments:
             if (n, moment) in done:
                 continue
-            opened = opened or [_open(directory, config) for config in configs]
+            opened = opened or [_open(directory, *one) for one in wanted]
             train_together(opened, trials=moment, workers=1)
             rows += measure(opened, metered)
             rows.sort(key=lambda row: [float(row[i]) for i in (1, 2, 3, 4)])

@@ -110,7 +110,7 @@ def test_refuses_to_write_what_it_could_not_read(tmp_path):
 
 def test_runs_of_version_0_1_are_what_they_were():
     td, gradients = read_config(OLD / "td"), read_config(OLD / "value-gradient")
-    settings = TDSettings(eta=0.04, trial_duration=1.0, vario=VarioEta())
+    settings = TDSettings(eta=0.04, trial_duration=1.0, vario=VarioEta(epsilon=0.01, initial_variance=100.0))
     assert td == RunConfig(Pendulum(), TemporalDifferences(settings, 6, "float64", engine="fused"), 3, 20)
     settings = ValueGradientSettings(trajectories=32, steps=10, minibatch=64)
     problem = Swimming(SwimmerParameters(n_links=3), s_gamma=0.5)
