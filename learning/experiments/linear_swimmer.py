@@ -1,10 +1,10 @@
 """The linear foil for real: tile coding learns to swim with 3 links, beside the cascade.
 
-8 state variables are as many as a table can have: 5 tiles a variable in 8 tilings are 7.8 million weights, and 4 links
-would need 233 million. Sixteen settings of tile coding, the first one of our own making and the others drawn at random,
-learn for 10,000 trials with one seed; the four that swim fastest over the second half of that go on to two other seeds
-and 20,000 trials, and the best of these to eight seeds and 60,000, beside a cascade of 30 neurons with the rate that
-``swimmer-mj train`` has. Everything else is alike: s_gamma 1 1/s, trials of 5 s, initial states and evaluation.
+5 tiles a variable in 8 tilings are 7.8 million weights for its 8 state variables; 4 links would need 233 million.
+Sixteen settings of tile coding, the first one of our own making and the others drawn at random, learn for 10,000 trials
+with one seed; the four that swim fastest over the second half of that go on to two other seeds and 20,000 trials, and
+the best of these to eight seeds and 60,000, beside a cascade of 30 neurons with the rate that ``swimmer-mj train``
+has. Everything else is alike: s_gamma 1 1/s, trials of 5 s, initial states and evaluation.
 Speeds are those of the compiled equations (docs/metrics.md). A learner whose weights overflow stands still.
 """
 
@@ -126,7 +126,7 @@ def run(
     seeds: Sequence[Sequence[int]] = ((100,), (101, 102), tuple(range(8))),
     report: Callable[[str], None] = lambda line: None,
 ) -> None:
-    """Choose, learn, and write :data:`LOG` in ``directory``. About two hours on one core."""
+    """Choose, learn, and write :data:`LOG` in ``directory``. Less than an hour on one core."""
     rows: list[Row] = []
 
     def add(

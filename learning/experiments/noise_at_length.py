@@ -5,9 +5,7 @@ cascades of 15 to 120 neurons learn for a million, by the paper's rate and by th
 At some moments v_i (beta = 1/100) is measured along 1,000 trials of a copy of each network, by the end of which its
 beginning no longer counts; the run itself goes on untouched.
 
-    swimmer-mj figures noise-at-length --rerun --out DIRECTORY
-
-goes on with what is there. The sixteen runs of a size are one pack.
+:func:`run` goes on with what is there. The sixteen runs of a size are one pack.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ def run(
     sweep_seeds: Sequence[int] = (100, 101),
     report: Callable[[str], None] = lambda line: None,
 ) -> None:
-    """Sweep, compare, and write both logs in ``directory``. About two hours on one core."""
+    """Sweep, compare, and write both logs in ``directory``. About 100 minutes on one core."""
     rows = sweep(task, sweep_seeds, report)
     logged = with_start(task, rows)
     others, chosen = starts(task, rows, values)

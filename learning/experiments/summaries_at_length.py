@@ -33,10 +33,10 @@ def _thousands(trials: float) -> str:
     return f"{trials / 1e6:g}M" if trials >= 1e6 else f"{trials / 1e3:g}k"
 
 
-def _first_time(rows: Table, column: str, speed: str, least: float) -> str:
-    """Median over seeds of ``column`` when ``speed`` was first ``least``, and how many got there."""
+def _first_time(rows: Table) -> str:
+    """Median over seeds of the trials after which :data:`FAST` was first seen, and how many got there."""
     seeds = [rows_where(rows, seed=float(seed)) for seed in np.unique(rows["seed"])]
-    reached = [one[column][one[speed] >= least] for one in seeds]
+    reached = [one["trial"][one["reward"] >= FAST] for one in seeds]
     first = np.array([at[0] if at.size else np.inf for at in reached])
     there = int(np.isfinite(first).sum())
     middle = float(np.median(first))
@@ -83,9 +83,7 @@ def rates(logs: Logs = LOGS) -> Summary:
         at_end = rows_where(of, trial=end)
         bound = f", {of['bound'][0]:g}" if of["bound"][0] else ""
         lost = f"{int(at_end['diverged'].sum())} of {len(at_end['seed'])}"
-        rows.append(
-            (method, f"{of['eta'][0]:g}{bound}", lost, *speeds, _first_time(of, "trial", "reward", FAST))
-        )
+        rows.append((method, f"{of['eta'][0]:g}{bound}", lost, *speeds, _first_time(of)))
     header = ("method", "η and ε or μ", "diverged", *(f"{_thousands(mark)} trials, m/s" for mark in marks),
               f"trials to {FAST} m/s, median")  # fmt: skip
     return Summary("5 links, 60 neurons: rates of the weights by four methods", header, rows)

@@ -69,7 +69,7 @@ def demo(
             print_json({"passed": False, "checks": failed})
         raise CheckFailedError
 
-    console.rule("2. Learning: the value gradient, and beside it the paper's TD(λ), each on a core")
+    console.rule("2. Learning: value gradients and the paper's TD(λ), a core each")
     out = free_directory(out)
     best = TrainingRun(out / "value-gradient", value_gradient_config(seed))
     paper = TrainingRun(out / "td", RunConfig(seed=seed))

@@ -68,7 +68,7 @@ def test_noise_goes_on_where_it_was(tmp_path):
 
 
 def test_noise_is_that_of_the_meter_and_the_runs_stay_as_they_are(tmp_path):
-    method = TemporalDifferences(TDSettings(eta=0.04), 5, engine="population")
+    method = TemporalDifferences(TDSettings(eta=0.04), 5, dtype="float64", engine="population")
     runs = [TrainingRun(tmp_path / str(seed), RunConfig(Swimming(), method, seed, 2)) for seed in (3, 4)]
     for run in runs:
         run.learning.learn(2)
@@ -82,7 +82,7 @@ def test_noise_is_that_of_the_meter_and_the_runs_stay_as_they_are(tmp_path):
     named = dict(zip(noise_at_length.HEADER, rows[1], strict=True))
     meter = NoiseMeter(FusedTD(Swimming(), runs[1].learning.network, method.settings))
     meter.train(Swimming().initial_states(np.random.default_rng([4, 2]), 6))
-    assert named["output"] == pytest.approx(meter.variance[-1].mean().item(), rel=1e-3)
+    assert named["output"] == pytest.approx(meter.variance[-1].mean().item(), rel=1e-6)
     assert (named["n"], named["seed"], named["trial"]) == (5, 4, 2)
     assert named["speed"] == runs[1].history[-1].speed
 
@@ -106,12 +106,20 @@ def test_rates_are_compared_by_the_best_setting_and_the_best_start(tmp_path, mon
         TASKS["pendulum"],
         neurons=5,
         trials=2,
-        sweep_trials=4,
         every=2,
         noise_every=2,
-        sweep_every=1,
         candidates=tuple(Candidate(method, eta, 0.1) for method in METHODS for eta in (0.01, 0.05)),
     )
+
+    def sweep(task, seeds, report):
+        """Rewards that are known: the larger eta is the better one, and of v(0) 10, though less so than eta."""
+        start = -abs(np.log10(task.initial_variance) - 1.0)
+        return [
+            (task.problem.name, *one, seed, 4, one.eta + 1e-3 * start, 0.0)
+            for one in task.candidates
+            for seed in seeds
+        ]
+
     seen = []
     compared = rates_at_length.compare
 
@@ -119,18 +127,12 @@ def test_rates_are_compared_by_the_best_setting_and_the_best_start(tmp_path, mon
         seen.append((task.initial_variance, candidates))
         return compared(task, candidates, *rest)
 
+    monkeypatch.setattr(rates_at_length, "sweep", sweep)
     monkeypatch.setattr(rates_at_length, "compare", compare)
-    rates_at_length.run(tmp_path, task=task, values=(1e-3, 1e3), seeds=(0, 1), sweep_seeds=(5,))
-    sweep = read_table(tmp_path / rates_at_length.SWEEP_LOG)
-    assert np.unique(sweep["initial_variance"]).tolist() == [0.001, 1.0, 1000.0]
-    of_vario = rows_where(sweep, method="vario-eta")
-    best = np.argmax(of_vario["reward"] * (of_vario["initial_variance"] == 1.0))
-    others = rows_where(of_vario, eta=float(of_vario["eta"][best]))
-    start = others["initial_variance"][np.argmax(others["reward"])]
-    assert np.ptp(others["reward"]) > 0
-    ((initial_variance, candidates),) = seen
-    assert initial_variance == start
-    assert candidates[2].eta == of_vario["eta"][best]
+    rates_at_length.run(tmp_path, task=task, values=(0.1, 10.0, 100.0), seeds=(0, 1), sweep_seeds=(5,))
+    log = read_table(tmp_path / rates_at_length.SWEEP_LOG)
+    assert log["initial_variance"].tolist() == [1.0] * 8 + [0.1, 10.0, 100.0]
+    assert seen == [(10.0, [Candidate(method, 0.05, 0.1) for method in METHODS])]
     assert len(read_table(tmp_path / rates_at_length.LEARNING_LOG)["seed"]) == 4 * 2 * 2
 
 
@@ -157,7 +159,8 @@ def test_tile_coding_and_the_cascade_learn_by_the_same_trials(tmp_path, monkeypa
     }
     cascade = rows_where(table, approximator="cascade")
     assert cascade["trial"].tolist() == [*range(1, 11)]
-    assert (np.diff(cascade["seconds"]) > 0).all()
+    assert (np.diff(cascade["seconds"]) >= 0).all()
+    assert cascade["seconds"][-1] > 0
     assert cascade["weights"][0] == 30 * 12 + 30 * 29 / 2
     tiles = rows_where(table, approximator="tile coding")
     assert (tiles["used"] < 0.05).all()
