@@ -255,6 +255,7 @@ class MujocoBatch:
                 rho,
                 l,
                 discount,
+                dt,
                 epsilon,
                 centred,
                 first,

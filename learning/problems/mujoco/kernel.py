@@ -6,7 +6,8 @@ function serves all models.
 
 Derivatives are finite differences of that step, of one scalar: with ``later`` the costate after the step and ``rho``
 the slope of the reward in what it reads, the gradient in x of later . y(x, u) + rho . readings(x) at held u. A velocity
-is moved without computing positions anew, an activation without computing velocities anew.
+is moved without computing positions anew, an activation without computing velocities anew, and where a step is implicit
+in a fluid, one factor serves for all of them (:mod:`~swimmer_mj.learning.problems.mujoco.implicit`).
 """
 
 # pyright: reportCallIssue=false, reportArgumentType=false
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from swimmer_mj.compiled.cache import entry_point
 from swimmer_mj.compiled.pointers import call, load
 from swimmer_mj.learning.problems.mujoco.coordinates import Coordinates
+from swimmer_mj.learning.problems.mujoco.implicit import Implicit, bilinear, solve
 from swimmer_mj.learning.problems.mujoco.library import Functions
 
 __all__ = [
@@ -68,6 +70,7 @@ class Simulation(NamedTuple):
     """Of actuators."""
     home: Array
     """qpos where a state says nothing."""
+    implicit: Implicit
 
 
 class Actuation(NamedTuple):
@@ -182,6 +185,12 @@ def _forward(fn: Functions, sim: Simulation, skip: int, skip_sensors: int) -> No
 
 
 @njit(**OPTIONS)
+def _integrate(fn: Functions, sim: Simulation, factored: bool) -> None:
+    """A step from the forces of the last forward pass; if ``factored``, by the factor of the step before."""
+    call(None, fn.integrate, (sim.model, sim.data, np.int32(factored)))
+
+
+@njit(**OPTIONS)
 def _solve(fn: Functions, sim: Simulation, y: Array, x: Array, count: int) -> None:
     """Rows of x := M^-1 rows of y."""
     call(None, fn.solve_m, (sim.model, sim.data, x.ctypes.data, y.ctypes.data, np.int32(count)))
@@ -226,11 +235,11 @@ def _choose(
 
 
 @njit(**OPTIONS)
-def _move(fn: Functions, sim: Simulation, steps: int, skip: int) -> None:
+def _move(fn: Functions, sim: Simulation, steps: int) -> None:
     """Move on by a learner's step if ``steps`` is 0, else by so many of the model's own; sim.ctrl is held."""
     if steps == 0:
-        _forward(fn, sim, skip, 1)
-        call(None, fn.integrate, (sim.model, sim.data))
+        _forward(fn, sim, NONE, 1)
+        _integrate(fn, sim, False)
     for _ in range(steps):
         call(None, fn.step, (sim.model, sim.data))
 
@@ -255,7 +264,7 @@ def step(
         _set(sim, co, now)
         for k in range(u.shape[0]):
             _hold(sim, ac, k, u[k, n])
-        _move(fn, sim, steps, NONE)
+        _move(fn, sim, steps)
         _get(sim, co, now)
         y[:, n] = now
 
@@ -307,11 +316,12 @@ def respond(
     adds to it. One step is affine in the controls but for quaternions, so that a difference of any size would do.
     """
     now = np.empty(x.shape[0])
+    once = sim.implicit.mass.size > 0
     for n in range(first, last):
         now[:] = x[:, n]
         _set(sim, co, now)
         _rest(sim, ac)
-        _move(fn, sim, 0, NONE)
+        _move(fn, sim, 0)
         _get(sim, co, now)
         coast[:, n] = now
         for k in range(gain.shape[0]):
@@ -319,7 +329,8 @@ def respond(
             _set(sim, co, now)
             small = PUSH * ac.limits[k]
             _hold(sim, ac, k, small)
-            _move(fn, sim, 0, VELOCITY)  # positions and velocities are as they were
+            _forward(fn, sim, VELOCITY, 1)  # positions and velocities are as they were
+            _integrate(fn, sim, once)
             _hold(sim, ac, k, 0.0)
             _get(sim, co, now)
             gain[k, :, n] = (now - coast[:, n]) / small
@@ -401,29 +412,47 @@ class _Base(NamedTuple):
     of_quaternion: Array
     of_velocity: Array
     of_activation: Array
+    mu: Array
+    """A^-1 (costate of the velocity + h times that of the position), where one factor serves for all."""
+    a: Array
+    """(velocity after the step - velocity) / h."""
 
 
 @njit(**OPTIONS)
-def _advance(
-    fn: Functions, sim: Simulation, readings: Readings, skip: int, base: _Base, keep: bool, rho: Array
+def _begin(fn: Functions, sim: Simulation, readings: Readings, base: _Base) -> None:
+    """A step from where the state is: what is read before it, and where it ends."""
+    _forward(fn, sim, NONE, readings.skip_sensors)
+    for k in range(readings.address.size):
+        base.readings[k] = load(np.float64, readings.address[k], 0, 1)
+    base.a[:] = sim.qvel
+    _integrate(fn, sim, False)
+    base.qpos[:], base.qvel[:], base.act[:] = sim.qpos, sim.qvel, sim.act
+
+
+@njit(**OPTIONS)
+def _change(
+    fn: Functions,
+    sim: Simulation,
+    co: Coordinates,
+    readings: Readings,
+    skip: int,
+    base: _Base,
+    rho: Array,
+    h: float,
+    stiff: float,
 ) -> float:
-    """rho . what is read, then a step; with ``keep`` the readings are kept in ``base``, else their change counts."""
+    """How later . y + rho . readings differs from the base's, from a state that has been moved.
+
+    ``stiff`` is mu . A a of the base, where one factor serves for all.
+    """
     _forward(fn, sim, skip, readings.skip_sensors)
     total = 0.0
     for k in range(readings.address.size):
-        value = load(np.float64, readings.address[k], 0, 1)
-        if keep:
-            base.readings[k] = value
-        else:
-            total += rho[k] * (value - base.readings[k])
-    call(None, fn.integrate, (sim.model, sim.data))
-    return total
-
-
-@njit(**OPTIONS)
-def _change(sim: Simulation, co: Coordinates, base: _Base) -> float:
-    """The costate times how far the state after the step is from that of the base."""
-    total = 0.0
+        total += rho[k] * (load(np.float64, readings.address[k], 0, 1) - base.readings[k])
+    once = sim.implicit.mass.size > 0
+    _integrate(fn, sim, once)
+    if once and skip != VELOCITY:
+        total -= h * (bilinear(sim.implicit, h, base.mu, base.a) - stiff)
     for k in range(co.scalar_row.size):
         j = co.scalar_qpos[k]
         total += base.of_scalar[k] * (sim.qpos[j] - base.qpos[j])
@@ -448,15 +477,15 @@ def _gradient(
     x: Array,
     later: Array,
     rho: Array,
+    h: float,
     epsilon: float,
     centred: bool,
     base: _Base,
     out: Array,
 ) -> None:
-    """Fill out (p,) with the gradient at x of later . y + rho . readings; sim.ctrl is the control."""
+    """Fill out (p,) with the gradient at x of later . y + rho . readings; sim.ctrl is the control, h the step."""
     _set(sim, co, x)
-    _advance(fn, sim, readings, NONE, base, True, rho)
-    base.qpos[:], base.qvel[:], base.act[:] = sim.qpos, sim.qvel, sim.act
+    _begin(fn, sim, readings, base)
     for k in range(co.scalar_row.size):
         base.of_scalar[k] = later[co.scalar_row[k]]
     for k in range(co.quaternion_row.size):
@@ -468,6 +497,16 @@ def _gradient(
         base.of_velocity[k] = later[co.velocity_row[k]]
     for k in range(co.activation_row.size):
         base.of_activation[k] = later[co.activation_row[k]]
+    stiff = 0.0
+    if sim.implicit.mass.size > 0:
+        base.mu[:] = 0
+        for k in range(co.scalar_row.size):
+            base.mu[co.scalar_dof[k]] = h * base.of_scalar[k]
+        for k in range(co.velocity_row.size):
+            base.mu[co.velocity_dof[k]] += base.of_velocity[k]
+        solve(sim.implicit, base.mu)
+        base.a[:] = (base.qvel - base.a) / h
+        stiff = bilinear(sim.implicit, h, base.mu, base.a)
     scale = 1 / (2 * epsilon) if centred else 1 / epsilon
     sides = 2 if centred else 1
     out[:] = 0
@@ -478,7 +517,7 @@ def _gradient(
             sign = 1.0 - 2.0 * side
             _set(sim, co, x)
             sim.qvel[co.velocity_dof[k]] += sign * epsilon
-            moved = _advance(fn, sim, readings, POSITION, base, False, rho) + _change(sim, co, base)
+            moved = _change(fn, sim, co, readings, POSITION, base, rho, h, stiff)
             out[co.velocity_row[k]] += scale * sign * moved
     for k in range(co.activation_row.size):
         for side in range(sides):
@@ -487,14 +526,14 @@ def _gradient(
             if k == 0 and side == 0 and co.velocity_row.size > 0:
                 _forward(fn, sim, POSITION, readings.skip_sensors)  # velocities as they were
             sim.act[k] += sign * epsilon
-            moved = _advance(fn, sim, readings, VELOCITY, base, False, rho) + _change(sim, co, base)
+            moved = _change(fn, sim, co, readings, VELOCITY, base, rho, h, stiff)
             out[co.activation_row[k]] += scale * sign * moved
     for k in range(co.scalar_row.size):
         for side in range(sides):
             sign = 1.0 - 2.0 * side
             _set(sim, co, x)
             sim.qpos[co.scalar_qpos[k]] += sign * epsilon
-            moved = _advance(fn, sim, readings, NONE, base, False, rho) + _change(sim, co, base)
+            moved = _change(fn, sim, co, readings, NONE, base, rho, h, stiff)
             out[co.scalar_row[k]] += scale * sign * moved
     for k in range(co.quaternion_row.size):
         for axis in range(3):
@@ -503,7 +542,7 @@ def _gradient(
                 sign = 1.0 - 2.0 * side
                 _set(sim, co, x)
                 _turned(sim.qpos, co.quaternion_qpos[k], axis, sign * epsilon)
-                moved = _advance(fn, sim, readings, NONE, base, False, rho) + _change(sim, co, base)
+                moved = _change(fn, sim, co, readings, NONE, base, rho, h, stiff)
                 slope += scale * sign * moved
             _set(sim, co, x)
             _add_from_tangent(sim.qpos, co.quaternion_qpos[k], axis, 4 * slope, out, co.quaternion_row[k])
@@ -523,6 +562,7 @@ def pull_back(
     rho: Array,
     l: float,
     discount: float,
+    h: float,
     epsilon: float,
     centred: bool,
     first: int,
@@ -533,7 +573,7 @@ def pull_back(
 
     x (T + 1, p, N), u (T, q, N), dVdx (T + 1, p, N); drdx (T, p, N), the slope of the reward of a step in x itself, and
     rho (T, r, N), in its readings. ``out`` (T, p, N) is filled with
-    g(t) = drdx + readings' part + discount F^T [(1 - l) dVdx(t + 1) + l g(t + 1)].
+    g(t) = drdx + readings' part + discount F^T [(1 - l) dVdx(t + 1) + l g(t + 1)]. ``h`` is the model's time step.
     """
     T, q, p = u.shape[0], u.shape[1], x.shape[1]
     now, later, g, weight = np.empty(p), np.empty(p), np.empty(p), np.empty(rho.shape[1])
@@ -547,6 +587,8 @@ def pull_back(
         np.empty(3 * co.quaternion_row.size),
         np.empty(co.velocity_row.size),
         np.empty(co.activation_row.size),
+        np.empty(nv),
+        np.empty(nv),
     )
     for n in range(first, last):
         g[:] = dVdx[T, :, n]
@@ -556,7 +598,7 @@ def pull_back(
             now[:], weight[:] = x[t, :, n], rho[t, :, n]
             for k in range(q):
                 _hold(sim, ac, k, u[t, k, n])
-            _gradient(fn, sim, co, readings, now, later, weight, epsilon, centred, base, g)
+            _gradient(fn, sim, co, readings, now, later, weight, h, epsilon, centred, base, g)
             for i in range(p):
                 g[i] += drdx[t, i, n]
                 out[t, i, n] = g[i]

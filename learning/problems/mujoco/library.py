@@ -20,7 +20,7 @@ class Functions(NamedTuple):
     forward_skip: int
     """mj_forwardSkip(m, d, skipstage, skipsensor)."""
     integrate: int
-    """mj_Euler(m, d) or mj_implicit(m, d)."""
+    """mj_EulerSkip(m, d, skipfactor) or mj_implicitSkip(m, d, skipfactor)."""
     step: int
     """mj_step(m, d)."""
     solve_m: int
@@ -47,7 +47,7 @@ def functions(model: mujoco.MjModel) -> Functions:
     implicit = kinds(int(model.opt.integrator)) in (kinds.mjINT_IMPLICIT, kinds.mjINT_IMPLICITFAST)
     return Functions(
         _address("mj_forwardSkip"),
-        _address("mj_implicit" if implicit else "mj_Euler"),
+        _address("mj_implicitSkip" if implicit else "mj_EulerSkip"),
         _address("mj_step"),
         _address("mj_solveM"),
     )

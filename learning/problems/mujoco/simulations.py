@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from swimmer_mj.learning.problems.mujoco.implicit import implicit
 from swimmer_mj.learning.problems.mujoco.kernel import Readings, Simulation
 from swimmer_mj.learning.problems.mujoco.library import Functions, functions
 from swimmer_mj.learning.problems.mujoco.readings import Reading, addresses
@@ -101,6 +102,7 @@ class Simulations:
             data.actuator_length,
             data.actuator_velocity,
             self._home,
+            implicit(self.model, data),
         )
 
     def run(

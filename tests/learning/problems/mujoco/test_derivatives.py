@@ -11,6 +11,7 @@ from swimmer_mj.analytic import AnalyticSwimmer
 from swimmer_mj.dynamics import from_qpos_qvel, to_qpos_qvel
 from swimmer_mj.initial_states import random_initial_state
 from swimmer_mj.learning.problems.mujoco import MujocoProblem, Starts
+from swimmer_mj.learning.problems.mujoco.implicit import once
 from swimmer_mj.mjcf import mjcf
 
 DT = 0.01
@@ -137,10 +138,80 @@ def tangent(problem, x, g):
     return out
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_costates_of_random_trees_are_central_differences_of_mj_step(seed):
-    xml = random_tree(seed)
-    problem = MujocoProblem(xml, reward, control_cost=[0.1] * 6, without=(), threads=1)
+WATER = 'density="40" viscosity="0.3" wind="0.5 -1 0.3" integrator="implicitfast"'
+
+
+def tree_in_a_fluid(seed, fluid=WATER, extra=""):
+    """A chain with a branch, of hinges and slides, on which one factor serves for all derivatives of a step."""
+    rng = np.random.default_rng(seed)
+
+    def vector(low=-1):
+        return " ".join(f"{value:.4f}" for value in rng.uniform(low, 1, 3))
+
+    def body(k, inside=""):
+        kind = "slide" if k == seed % 3 else "hinge"
+        limits = 'limited="true" range="-0.3 0.4"' if k == 2 else ""
+        return (
+            f'<body name="b{k}" pos="{vector()}"><joint name="j{k}" type="{kind}" axis="{vector()}" armature="0.05" '
+            f'stiffness="{rng.uniform(0, 5):.3f}" damping="{rng.uniform(0, 0.1):.3f}" {limits}/>'
+            f'<geom type="box" size="{vector(0.2)}" mass="{rng.uniform(0.1, 1):.3f}" contype="0" conaffinity="0"/>'
+            f'<site name="s{k}" pos="{vector()}"/>{inside}</body>'
+        )
+
+    limits = 'ctrllimited="true" ctrlrange="-1 2"'
+    return (
+        f'<mujoco><compiler angle="radian"/><option timestep="{DT}" {fluid}/>'
+        f"<worldbody>{body(0, body(1, body(2)) + body(3))}</worldbody>"
+        f'<tendon><fixed name="t"><joint joint="j0" coef="0.7"/><joint joint="j3" coef="-1"/></fixed></tendon>'
+        f'<actuator><motor joint="j1" gear="3" {limits}/><motor tendon="t" {limits}/>{extra}'
+        f'<general joint="j2" dyntype="filter" dynprm="0.1" gainprm="2" {limits}/></actuator>'
+        f'<sensor><framelinvel name="v" objtype="site" objname="s0"/></sensor></mujoco>'
+    )
+
+
+def test_one_factor_is_used_only_where_the_rest_is_the_same_at_all_states():
+    def is_used(xml):
+        return once(mujoco.MjModel.from_xml_string(xml))
+
+    assert is_used(tree_in_a_fluid(0))
+    assert not is_used(tree_in_a_fluid(0, 'integrator="implicitfast"'))  # no fluid
+    for other in ("Euler", "implicit"):
+        assert not is_used(tree_in_a_fluid(0, f'density="40" integrator="{other}"'))
+    for extra in ('<velocity joint="j0" kv="1"/>', '<position joint="j0" kp="1" kv="0.1"/>'):
+        assert not is_used(tree_in_a_fluid(0, extra=extra))
+    for old, new in (
+        ('damping="', 'damping="0.1 '),  # that of a joint grows with its velocity
+        ('<fixed name="t"', '<fixed name="t" damping="1"'),
+        ('<geom type="box"', '<geom type="box" fluidshape="ellipsoid"'),
+        ('type="slide" axis', 'type="ball" axis'),
+        ("<worldbody>", '<option><flag damper="disable"/></option><worldbody>'),
+    ):
+        xml = tree_in_a_fluid(0)
+        assert old in xml
+        assert not is_used(xml.replace(old, new)), new
+
+
+def test_what_a_held_control_does_in_a_fluid_is_the_difference_of_two_steps():
+    problem = MujocoProblem(tree_in_a_fluid(0), reward, without=(), threads=1)
+    x = problem.initial_states(np.random.default_rng(0), 20)
+    coast, gain = problem.batch().responses(np.ascontiguousarray(x.T), DT)
+    still = problem.step(x, np.zeros((20, 3)), DT)
+    assert (coast == still.T).all()
+    for k, limit in enumerate(problem.control_limits):
+        held = np.zeros((20, 3))
+        held[:, k] = 1e-3 * limit
+        difference = (problem.step(x, held, DT) - still) / (1e-3 * limit)
+        assert np.abs(difference).max() > 0
+        assert np.allclose(gain[k].T, difference, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("tree", "controls", "seed"),
+    [*((random_tree, 6, seed) for seed in range(8)), *((tree_in_a_fluid, 3, seed) for seed in range(6))],
+)
+def test_costates_of_random_trees_are_central_differences_of_mj_step(tree, controls, seed):
+    xml = tree(seed)
+    problem = MujocoProblem(xml, reward, control_cost=[0.1] * controls, without=(), threads=1)
     problem.xml = xml
     rng = np.random.default_rng(seed)
     N, p, q = 4, problem.state_size, len(problem.control_limits)
