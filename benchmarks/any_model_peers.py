@@ -20,7 +20,7 @@ import gymnasium
 import numpy as np
 import torch
 import tyro
-from any_model import LOOKED_AT, TASKS
+from any_model import TASKS, looked_at
 from numpy.typing import NDArray
 from rich.console import Console
 from stable_baselines3 import PPO, SAC
@@ -117,7 +117,7 @@ def learn(task: str, algorithm: Algorithm, seed: int, seconds: float, console: C
     """A row for each look at one learner."""
     learner, rows = Learner(algorithm, task, seed), []
     for clock in looks(learner.learn, LOOKS, seconds):
-        found = returns(task, learner.act, LOOKED_AT)
+        found = returns(task, learner.act, looked_at(task))
         numbers = (f"{value:.4f}" for value in (found.mean(), found.min(), found.max()))
         rows.append((task, algorithm, seed, f"{clock.before[0]:.1f}", learner.model.num_timesteps, *numbers))
         console.print(*rows[-1])

@@ -67,8 +67,9 @@ def fell_back(rows: Sequence[Mapping[str, str]], share: float = 0.1) -> dict[str
 
 
 def any_model() -> Summary:
-    """Return of what each seed's best look kept, in thirty other episodes, beside what others have published."""
+    """Return of what each seed's best look kept, in other episodes, beside what others have published."""
     kept, seconds = _kept("any-model.csv")
+    nothing = {row["task"]: float(row["of_those_judged"]) for row in _rows("without-control.csv")}
     fallen = fell_back(_rows("any-model.csv"))
     others, rows = published(), []
     for task, returns in kept.items():
@@ -85,6 +86,7 @@ def any_model() -> Summary:
                 f"{seconds[task]:.0f}",
                 mean_and_interval_text(values, digits),
                 f"{values.min():{digits}}",
+                f"{nothing[task]:{digits}}",
                 ", ".join(f"{name} {value:{digits}}" for name, value in rivals) or "—",
                 reached,
                 str(fallen[task]),
@@ -96,6 +98,7 @@ def any_model() -> Summary:
         "seconds of a core",
         "return",
         "worst seed",
+        "without control",
         "published",
         "seeds at 95 % of the best published",
         "seeds 10 % below their best in the end",

@@ -28,6 +28,7 @@ from torch import Tensor
 from swimmer_mj.learning.problems.forms import (
     EPISODE,
     BatchForm,
+    CoordinatesForm,
     CostForm,
     Encoding,
     EpisodeForm,
@@ -36,6 +37,7 @@ from swimmer_mj.learning.problems.forms import (
     Policy,
 )
 from swimmer_mj.learning.problems.held import Slope
+from swimmer_mj.learning.problems.mujoco import heading
 from swimmer_mj.learning.problems.mujoco.actuation import actuation
 from swimmer_mj.learning.problems.mujoco.batched import MujocoBatch, Rate
 from swimmer_mj.learning.problems.mujoco.coordinates import layout
@@ -165,6 +167,7 @@ class MujocoProblem:
         self._check_functions()
         if without is None:
             self._lay_out(self._unused())
+        self.heading = self._no_heading()
         self.encoding = self._encoding({} if inputs is None else inputs)
         self.n_inputs = 2 * len(self.encoding.angle) + len(self.encoding.linear)
 
@@ -321,6 +324,10 @@ class MujocoProblem:
 
     def inputs(self, x: Tensor) -> Tensor:
         """cos and sin of angles that turn freely, the rest scaled to order one; (..., m)."""
+        return self._encode(x if self.heading is None else heading.enter(self.heading, x))
+
+    def _encode(self, x: Tensor) -> Tensor:
+        """The inputs at the coordinates in which V is learned."""
         e = self.encoding
         angles = x[..., e.angle]
         linear = x[..., e.linear] * torch.as_tensor(e.scale).to(x)
@@ -336,7 +343,11 @@ class MujocoProblem:
                 batch.greedy_act,
                 batch.targets,
                 batch.reward,
+                None if self.heading is None else heading.batch_coordinates(self.heading),
             )
+        if kind is CoordinatesForm and self.heading is not None:
+            turns = (partial(turn, self.heading) for turn in (heading.enter, heading.leave))
+            return CoordinatesForm(*turns, self._encode)  # pyright: ignore[reportReturnType]
         if kind is EpisodeForm:
             return EPISODE._replace(dt=self.control_timestep)  # pyright: ignore[reportReturnType]
         if kind is FilmForm:
@@ -369,9 +380,14 @@ class MujocoProblem:
         turning = [i for i, how in rows.items() if how == "angle"]
         angle = np.union1d(np.setdiff1d(self.layout.angle, list(rows)), turning).astype(np.int64)
         unheard = [i for i, how in rows.items() if how == 0]
+        if self.heading is not None and self.heading.hinge not in rows:
+            unheard.append(self.heading.hinge)
+            angle = np.setdiff1d(angle, unheard)
         linear = np.setdiff1d(np.arange(self.state_size), np.union1d(angle, unheard)).astype(np.int64)
         n = len(angle)
         seen = np.concatenate([self.initial_states(np.random.default_rng(0), SAMPLE), self._wanderings()])
+        if self.heading is not None:
+            seen = heading.enter(self.heading, torch.from_numpy(seen)).numpy()
         size = np.sqrt((seen[:, linear] ** 2).mean(axis=0))
         scale = 1 / np.where(size > 1e-6, size, 1.0)
         co = self.layout.coordinates
@@ -396,17 +412,31 @@ class MujocoProblem:
             rows |= dict.fromkeys(found, how)
         return rows
 
+    def _all_of(self, x: Array) -> Array:
+        """Drift, columns of the control matrix, reward and costs, (N, p + qp + 1 + q)."""
+        a, B = self.drift_and_control_matrix(x)
+        r, c = self._rates(x)
+        return np.concatenate([a, B.transpose(0, 2, 1).reshape(len(x), -1), r[:, None], c], axis=1)
+
+    def _no_heading(self) -> heading.Heading | None:
+        """What moves in a plane in which it makes no difference whither it looks; None if nothing does."""
+        rng = np.random.default_rng(2)
+        x, angle = self.initial_states(rng, 16), rng.uniform(-3, 3, 16)
+        p, q = self.state_size, self.control_limits.size
+        for found in heading.headings(self.model, self.layout.coordinates):
+            expected = self._all_of(x)
+            for k in range(0, p * (1 + q), p):
+                expected[:, k : k + p] = heading.turned(found, expected[:, k : k + p], angle, rates=True)
+            scale = 1 + np.abs(expected).max(axis=1, keepdims=True)
+            if (np.abs(self._all_of(heading.turned(found, x, angle)) - expected) < 1e-7 * scale).all():
+                return found
+        return None
+
     def _unused(self) -> tuple[str, ...]:
         """Hinges and slides whose positions change neither accelerations, nor control matrix, nor reward."""
         rng = np.random.default_rng(1)
         x = self.initial_states(rng, 16)
-
-        def all_of(x: Array) -> Array:
-            a, B = self.drift_and_control_matrix(x)
-            r, c = self._rates(x)
-            return np.concatenate([a, B.reshape(len(x), -1), r[:, None], c], axis=1)
-
-        before = all_of(x)
+        all_of, before = self._all_of, self._all_of(x)
         scale = 1 + np.abs(before)
         co = self.layout.coordinates
         found = []
