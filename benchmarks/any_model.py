@@ -5,7 +5,7 @@
 adds to benchmarks/results/any-model.csv, a row a look: value gradients with the settings that ``swimmer-mj train
 --method value-gradient --problem TASK`` has, one learner on one core, judged by the return of ten episodes of the
 unmodified environment. The weights of the best look are what a run keeps; the last row of a seed, "best", has their
-return in thirty other episodes. Of swimmers, whose return depends most on where the target falls, it is forty and two
+return in thirty other episodes. Of swimmers, whose return depends most on where the target falls, it is twenty and two
 hundred. A seed that is there already is not learned again; compilation and looks are not counted. Needs the extra
 ``gymnasium``. The seeds from 100 on were used for nothing else.
 """
@@ -52,7 +52,7 @@ LOOKS = (5.0, 7.5, 11.0, 17.0, 25.0, *np.arange(40.0, 1200.0, 20.0).tolist())  #
 
 def looked_at(task: str) -> range:
     """Episodes of the looks."""
-    return range(40) if task.startswith(AS_THE_TARGET_FALLS) else LOOKED_AT
+    return range(20) if task.startswith(AS_THE_TARGET_FALLS) else LOOKED_AT
 
 
 def fresh(task: str) -> range:
