@@ -57,25 +57,23 @@ def headings(model: Any, co: Coordinates) -> Iterator[Heading]:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     for body in range(model.nbody):
-        first = model.body_jntadr[body]
-        joints = range(first, first + model.body_jntnum[body])
+        first_joint = model.body_jntadr[body]
+        joints = range(first_joint, first_joint + model.body_jntnum[body])
         if [model.jnt_type[j] for j in joints] != [kinds.mjJNT_SLIDE, kinds.mjJNT_SLIDE, kinds.mjJNT_HINGE]:
             continue
         one, other, normal = (data.xaxis[j] for j in joints)
         sign = float(normal @ np.cross(one, other))
         if model.body_weldid[model.body_parentid[body]] != 0 or abs(abs(sign) - 1) > 1e-9:
             continue
-        rows = [np.flatnonzero(co.scalar_qpos == model.jnt_qposadr[j]) for j in joints]
-        if rows[2].size == 0 or rows[0].size != rows[1].size:
+        x, y, theta = (np.flatnonzero(co.scalar_qpos == model.jnt_qposadr[j]) for j in joints)
+        if theta.size == 0 or x.size != y.size:
             continue
-        velocities = [int(co.velocity_row[co.velocity_dof == model.jnt_dofadr[j]][0]) for j in joints]
-        position = tuple(int(co.scalar_row[row[0]]) for row in rows[:2]) if rows[0].size else None
-        place = data.xanchor[joints[2]] - model.qpos0[model.jnt_qposadr[joints[0]]] * one
-        place = place - model.qpos0[model.jnt_qposadr[joints[1]]] * other
-        offset = (float(place @ one), float(place @ other))
-        yield Heading(
-            int(co.scalar_row[rows[2][0]]), sign, position, (velocities[0], velocities[1]), offset
-        )  # fmt: skip
+        position = (int(co.scalar_row[x[0]]), int(co.scalar_row[y[0]])) if x.size else None
+        first, second, _ = (int(co.velocity_row[co.velocity_dof == model.jnt_dofadr[j]][0]) for j in joints)
+        place = data.xanchor[joints[2]]  # at qpos0
+        slides = model.qpos0[model.jnt_qposadr[first_joint : first_joint + 2]]
+        offset = (float(place @ one - slides[0]), float(place @ other - slides[1]))
+        yield Heading(int(co.scalar_row[theta[0]]), sign, position, (first, second), offset)
 
 
 def turned(heading: Heading, x: Array, angle: Array, rates: bool = False) -> Array:

@@ -346,8 +346,8 @@ class MujocoProblem:
                 None if self.heading is None else heading.batch_coordinates(self.heading),
             )
         if kind is CoordinatesForm and self.heading is not None:
-            turns = (partial(turn, self.heading) for turn in (heading.enter, heading.leave))
-            return CoordinatesForm(*turns, self._encode)  # pyright: ignore[reportReturnType]
+            enter, leave = partial(heading.enter, self.heading), partial(heading.leave, self.heading)
+            return CoordinatesForm(enter, leave, self._encode)  # pyright: ignore[reportReturnType]
         if kind is EpisodeForm:
             return EPISODE._replace(dt=self.control_timestep)  # pyright: ignore[reportReturnType]
         if kind is FilmForm:
