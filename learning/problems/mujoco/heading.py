@@ -1,4 +1,4 @@
-"""Coordinates that turn with a body in a plane: where it makes no difference whither it looks, V need not learn so.
+"""Coordinates that turn with a body in a plane, which sees the world as it does from there.
 
 The body stands on two slides, q_1 and q_2, and a hinge turns it by theta about their normal. V is learned in
 

@@ -116,7 +116,9 @@ class MujocoProblem:
         Joints whose positions nothing depends on; None finds them.
     inputs : mapping, optional
         How coordinates enter the network, by their names in ``problem.layout.names``: a factor, or "angle" for cos and
-        sin; 0 leaves one out. What is not named is encoded by what initial states and short rollouts show.
+        sin; 0 leaves one out. What is not named is encoded by what initial states and short rollouts show. Of a body
+        for which it makes no difference where it looks, positions and velocities are as it sees them
+        (:mod:`~swimmer_mj.learning.problems.mujoco.heading`).
     control_limits : sequence of float, optional
         For actuators without a ctrlrange.
     held : bool
@@ -167,7 +169,7 @@ class MujocoProblem:
         self._check_functions()
         if without is None:
             self._lay_out(self._unused())
-        self.heading = self._no_heading()
+        self.heading = self._idle_heading()
         self.encoding = self._encoding({} if inputs is None else inputs)
         self.n_inputs = 2 * len(self.encoding.angle) + len(self.encoding.linear)
 
@@ -418,8 +420,8 @@ class MujocoProblem:
         r, c = self._rates(x)
         return np.concatenate([a, B.transpose(0, 2, 1).reshape(len(x), -1), r[:, None], c], axis=1)
 
-    def _no_heading(self) -> heading.Heading | None:
-        """What moves in a plane in which it makes no difference whither it looks; None if nothing does."""
+    def _idle_heading(self) -> heading.Heading | None:
+        """What moves in a plane in which it makes no difference where it looks; None if nothing does."""
         rng = np.random.default_rng(2)
         x, angle = self.initial_states(rng, 16), rng.uniform(-3, 3, 16)
         p, q = self.state_size, self.control_limits.size
