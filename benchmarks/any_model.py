@@ -57,7 +57,7 @@ def looked_at(task: str) -> range:
 
 def looks_at(task: str) -> tuple[float, ...]:
     """Processor time of the looks, s; fewer where each takes long."""
-    return LOOKS[:6] + LOOKS[8::4] if task.startswith(AS_THE_TARGET_FALLS) else LOOKS
+    return LOOKS[:8] + LOOKS[8::4] if task.startswith(AS_THE_TARGET_FALLS) else LOOKS
 
 
 def fresh(task: str) -> range:
