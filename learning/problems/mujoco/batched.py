@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from swimmer_mj.learning.problems.held import Slope, held_control
-from swimmer_mj.learning.problems.mujoco import kernel
+from swimmer_mj.learning.problems.mujoco import costates, kernel
 from swimmer_mj.learning.problems.mujoco.coordinates import Coordinates
 from swimmer_mj.learning.problems.mujoco.kernel import Actuation, Readings, Simulation
 from swimmer_mj.learning.problems.mujoco.simulations import Simulations
@@ -242,7 +242,7 @@ class MujocoBatch:
         epsilon, centred = EPSILON, self._centred
 
         def work(sim: Simulation, readings: Readings, first: int, last: int) -> None:
-            kernel.pull_back(
+            costates.pull_back(
                 fn,
                 sim,
                 co,

@@ -24,11 +24,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from swimmer_mj.learning.problems.mujoco.library import OPTIONS
+
 __all__ = ["Implicit", "bilinear", "implicit", "once", "solve"]
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
-OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
 
 class Implicit(NamedTuple):

@@ -3,11 +3,7 @@
 A step of the learner's is MuJoCo's: semi-implicit Euler with joint damping taken implicitly, or one of the implicit
 integrators. The state, the actuators and what a reward reads are tables of indices and addresses, so that one compiled
 function serves all models.
-
-Derivatives are finite differences of that step, of one scalar: with ``later`` the costate after the step and ``rho``
-the slope of the reward in what it reads, the gradient in x of later . y(x, u) + rho . readings(x) at held u. A velocity
-is moved without computing positions anew, an activation without computing velocities anew, and where a step is implicit
-in a fluid, one factor serves for all of them (:mod:`~swimmer_mj.learning.problems.mujoco.implicit`).
+Derivatives of it are in :mod:`~swimmer_mj.learning.problems.mujoco.costates`.
 """
 
 # pyright: reportCallIssue=false, reportArgumentType=false
@@ -15,7 +11,7 @@ in a fluid, one factor serves for all of them (:mod:`~swimmer_mj.learning.proble
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -24,8 +20,9 @@ from numpy.typing import NDArray
 from swimmer_mj.compiled.cache import entry_point
 from swimmer_mj.compiled.pointers import call, load
 from swimmer_mj.learning.problems.mujoco.coordinates import Coordinates
-from swimmer_mj.learning.problems.mujoco.implicit import Implicit, bilinear, solve
-from swimmer_mj.learning.problems.mujoco.library import Functions
+from swimmer_mj.learning.problems.mujoco.implicit import Implicit
+from swimmer_mj.learning.problems.mujoco.library import OPTIONS, Functions
+from swimmer_mj.learning.problems.mujoco.quaternions import add_from_tangent
 
 __all__ = [
     "Actuation",
@@ -33,9 +30,12 @@ __all__ = [
     "Simulation",
     "choose",
     "drift_and_control_matrix",
-    "pull_back",
+    "forward",
+    "hold",
+    "integrate",
     "read",
     "respond",
+    "set_state",
     "step",
 ]
 
@@ -46,7 +46,6 @@ NONE, POSITION, VELOCITY = 0, 1, 2
 """What forward_skip leaves out: nothing, what depends on positions, what depends on velocities too."""
 PUSH = 1e-3
 """Of a control's limit, how much its response is measured with."""
-OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
 
 class Simulation(NamedTuple):
@@ -97,7 +96,7 @@ class Readings(NamedTuple):
 
 
 @njit(**OPTIONS)
-def _set(sim: Simulation, co: Coordinates, x: Array) -> None:
+def set_state(sim: Simulation, co: Coordinates, x: Array) -> None:
     """The state x (p,)."""
     sim.qpos[:] = sim.home
     for k in range(co.scalar_row.size):
@@ -126,48 +125,7 @@ def _get(sim: Simulation, co: Coordinates, x: Array) -> None:
 
 
 @njit(**OPTIONS)
-def _turned(q: Array, start: int, axis: int, angle: float) -> None:
-    """q := q (1, angle/2 e_axis), the unit quaternion at ``start`` turned about its own axis by a small angle."""
-    w, x, y, z = q[start], q[start + 1], q[start + 2], q[start + 3]
-    h = angle / 2
-    if axis == 0:
-        q[start], q[start + 1], q[start + 2], q[start + 3] = w - h * x, x + h * w, y + h * z, z - h * y
-    elif axis == 1:
-        q[start], q[start + 1], q[start + 2], q[start + 3] = w - h * y, x - h * z, y + h * w, z + h * x
-    else:
-        q[start], q[start + 1], q[start + 2], q[start + 3] = w - h * z, x + h * y, y - h * x, z + h * w
-
-
-@njit(**OPTIONS)
-def _to_tangent(q: Array, start: int, g: Array, row: int, axis: int) -> float:
-    """Component ``axis`` of T(q)^T g, with g in rows row .. row + 3."""
-    w, x, y, z = q[start], q[start + 1], q[start + 2], q[start + 3]
-    a, b, c, d = g[row], g[row + 1], g[row + 2], g[row + 3]
-    if axis == 0:
-        return (-x * a + w * b + z * c - y * d) / 2
-    if axis == 1:
-        return (-y * a - z * b + w * c + x * d) / 2
-    return (-z * a + y * b - x * c + w * d) / 2
-
-
-@njit(**OPTIONS)
-def _add_from_tangent(q: Array, start: int, axis: int, h: float, out: Array, row: int) -> None:
-    """Add T(q) h e_axis to rows row .. row + 3 of ``out``."""
-    w, x, y, z = q[start], q[start + 1], q[start + 2], q[start + 3]
-    h = h / 2
-    if axis == 0:
-        out[row], out[row + 1] = out[row] - h * x, out[row + 1] + h * w
-        out[row + 2], out[row + 3] = out[row + 2] + h * z, out[row + 3] - h * y
-    elif axis == 1:
-        out[row], out[row + 1] = out[row] - h * y, out[row + 1] - h * z
-        out[row + 2], out[row + 3] = out[row + 2] + h * w, out[row + 3] + h * x
-    else:
-        out[row], out[row + 1] = out[row] - h * z, out[row + 1] + h * y
-        out[row + 2], out[row + 3] = out[row + 2] - h * x, out[row + 3] + h * w
-
-
-@njit(**OPTIONS)
-def _hold(sim: Simulation, ac: Actuation, k: int, u: float) -> None:
+def hold(sim: Simulation, ac: Actuation, k: int, u: float) -> None:
     """Set control k to u."""
     sim.ctrl[ac.actuator[k]] = ac.middle[k] + u
 
@@ -176,16 +134,17 @@ def _hold(sim: Simulation, ac: Actuation, k: int, u: float) -> None:
 def _rest(sim: Simulation, ac: Actuation) -> None:
     """Set all controls to 0."""
     for k in range(ac.middle.size):
-        _hold(sim, ac, k, 0.0)
+        hold(sim, ac, k, 0.0)
 
 
 @njit(**OPTIONS)
-def _forward(fn: Functions, sim: Simulation, skip: int, skip_sensors: int) -> None:
+def forward(fn: Functions, sim: Simulation, skip: int, skip_sensors: int) -> None:
+    """What follows from the state, but for what ``skip`` and ``skip_sensors`` leave out."""
     call(None, fn.forward_skip, (sim.model, sim.data, np.int32(skip), np.int32(skip_sensors)))
 
 
 @njit(**OPTIONS)
-def _integrate(fn: Functions, sim: Simulation, factored: bool) -> None:
+def integrate(fn: Functions, sim: Simulation, factored: bool) -> None:
     """A step from the forces of the last forward pass; if ``factored``, by the factor of the step before."""
     call(None, fn.integrate, (sim.model, sim.data, np.int32(factored)))
 
@@ -238,8 +197,8 @@ def _choose(
 def _move(fn: Functions, sim: Simulation, steps: int) -> None:
     """Move on by a learner's step if ``steps`` is 0, else by so many of the model's own; sim.ctrl is held."""
     if steps == 0:
-        _forward(fn, sim, NONE, 1)
-        _integrate(fn, sim, False)
+        forward(fn, sim, NONE, 1)
+        integrate(fn, sim, False)
     for _ in range(steps):
         call(None, fn.step, (sim.model, sim.data))
 
@@ -261,9 +220,9 @@ def step(
     now = np.empty(x.shape[0])
     for n in range(first, last):
         now[:] = x[:, n]
-        _set(sim, co, now)
+        set_state(sim, co, now)
         for k in range(u.shape[0]):
-            _hold(sim, ac, k, u[k, n])
+            hold(sim, ac, k, u[k, n])
         _move(fn, sim, steps)
         _get(sim, co, now)
         y[:, n] = now
@@ -291,9 +250,9 @@ def choose(
     force, solved = np.zeros(sim.qvel.size), np.zeros(sim.qvel.size)
     for n in range(first, last):
         now[:], g[:], c[:] = x[:, n], slope[:, n], cost[:, n]
-        _set(sim, co, now)
+        set_state(sim, co, now)
         _rest(sim, ac)
-        _forward(fn, sim, NONE, 1)
+        forward(fn, sim, NONE, 1)
         _choose(fn, sim, co, ac, g, c, force, solved, chosen)
         u[:, n] = chosen
 
@@ -319,19 +278,19 @@ def respond(
     once = sim.implicit.mass.size > 0
     for n in range(first, last):
         now[:] = x[:, n]
-        _set(sim, co, now)
+        set_state(sim, co, now)
         _rest(sim, ac)
         _move(fn, sim, 0)
         _get(sim, co, now)
         coast[:, n] = now
         for k in range(gain.shape[0]):
             now[:] = x[:, n]
-            _set(sim, co, now)
+            set_state(sim, co, now)
             small = PUSH * ac.limits[k]
-            _hold(sim, ac, k, small)
-            _forward(fn, sim, VELOCITY, 1)  # positions and velocities are as they were
-            _integrate(fn, sim, once)
-            _hold(sim, ac, k, 0.0)
+            hold(sim, ac, k, small)
+            forward(fn, sim, VELOCITY, 1)  # positions and velocities are as they were
+            integrate(fn, sim, once)
+            hold(sim, ac, k, 0.0)
             _get(sim, co, now)
             gain[k, :, n] = (now - coast[:, n]) / small
 
@@ -351,8 +310,8 @@ def read(
     now = np.empty(x.shape[0])
     for n in range(first, last):
         now[:] = x[:, n]
-        _set(sim, co, now)
-        _forward(fn, sim, NONE, readings.skip_sensors)
+        set_state(sim, co, now)
+        forward(fn, sim, NONE, readings.skip_sensors)
         for k in range(readings.address.size):
             out[k, n] = load(np.float64, readings.address[k], 0, 1)
 
@@ -373,15 +332,15 @@ def drift_and_control_matrix(
     nv, q = sim.qvel.size, ac.middle.size
     force, solved = np.zeros((q, nv)), np.zeros((q, nv))
     for n in range(first, last):
-        _set(sim, co, x[n])
+        set_state(sim, co, x[n])
         _rest(sim, ac)
-        _forward(fn, sim, NONE, 1)
+        forward(fn, sim, NONE, 1)
         for k in range(co.scalar_row.size):
             a[n, co.scalar_row[k]] = sim.qvel[co.scalar_dof[k]]
         for k in range(co.quaternion_row.size):
             for axis in range(3):
                 w = sim.qvel[co.quaternion_dof[k] + axis]
-                _add_from_tangent(sim.qpos, co.quaternion_qpos[k], axis, w, a[n], co.quaternion_row[k])
+                add_from_tangent(sim.qpos, co.quaternion_qpos[k], axis, w, a[n], co.quaternion_row[k])
         for k in range(co.velocity_row.size):
             a[n, co.velocity_row[k]] = sim.qacc[co.velocity_dof[k]]
         for k in range(co.activation_row.size):
@@ -399,206 +358,3 @@ def drift_and_control_matrix(
             for i in range(q):
                 if ac.activation[i] < 0:
                     B[n, co.velocity_row[k], i] = solved[i, co.velocity_dof[k]]
-
-
-class _Base(NamedTuple):
-    """Where a step from the state ends, what is read there, and the costate after it in the tangent space."""
-
-    qpos: Array
-    qvel: Array
-    act: Array
-    readings: Array
-    of_scalar: Array
-    of_quaternion: Array
-    of_velocity: Array
-    of_activation: Array
-    mu: Array
-    """A^-1 (costate of the velocity + h times that of the position), where one factor serves for all."""
-    a: Array
-    """(velocity after the step - velocity) / h."""
-
-
-@njit(**OPTIONS)
-def _begin(fn: Functions, sim: Simulation, readings: Readings, base: _Base) -> None:
-    """A step from where the state is: what is read before it, and where it ends."""
-    _forward(fn, sim, NONE, readings.skip_sensors)
-    for k in range(readings.address.size):
-        base.readings[k] = load(np.float64, readings.address[k], 0, 1)
-    base.a[:] = sim.qvel
-    _integrate(fn, sim, False)
-    base.qpos[:], base.qvel[:], base.act[:] = sim.qpos, sim.qvel, sim.act
-
-
-@njit(**OPTIONS)
-def _change(
-    fn: Functions,
-    sim: Simulation,
-    co: Coordinates,
-    readings: Readings,
-    skip: int,
-    base: _Base,
-    rho: Array,
-    h: float,
-    stiff: float,
-) -> float:
-    """How later . y + rho . readings differs from the base's, from a state that has been moved.
-
-    ``stiff`` is mu . A a of the base, where one factor serves for all.
-    """
-    _forward(fn, sim, skip, readings.skip_sensors)
-    total = 0.0
-    for k in range(readings.address.size):
-        total += rho[k] * (load(np.float64, readings.address[k], 0, 1) - base.readings[k])
-    once = sim.implicit.mass.size > 0
-    _integrate(fn, sim, once)
-    if once and skip != VELOCITY:
-        total -= h * (bilinear(sim.implicit, h, base.mu, base.a) - stiff)
-    for k in range(co.scalar_row.size):
-        j = co.scalar_qpos[k]
-        total += base.of_scalar[k] * (sim.qpos[j] - base.qpos[j])
-    for k in range(co.quaternion_row.size):
-        j = co.quaternion_qpos[k]
-        for axis in range(3):  # 2 q0* q is the small turn between them: 4 T(q0)^T q
-            total += base.of_quaternion[3 * k + axis] * 4 * _to_tangent(base.qpos, j, sim.qpos, j, axis)
-    for k in range(co.velocity_row.size):
-        j = co.velocity_dof[k]
-        total += base.of_velocity[k] * (sim.qvel[j] - base.qvel[j])
-    for k in range(co.activation_row.size):
-        total += base.of_activation[k] * (sim.act[k] - base.act[k])
-    return total
-
-
-@njit(**OPTIONS)
-def _gradient(
-    fn: Functions,
-    sim: Simulation,
-    co: Coordinates,
-    readings: Readings,
-    x: Array,
-    later: Array,
-    rho: Array,
-    h: float,
-    epsilon: float,
-    centred: bool,
-    base: _Base,
-    out: Array,
-) -> None:
-    """Fill out (p,) with the gradient at x of later . y + rho . readings; sim.ctrl is the control, h the step."""
-    _set(sim, co, x)
-    _begin(fn, sim, readings, base)
-    for k in range(co.scalar_row.size):
-        base.of_scalar[k] = later[co.scalar_row[k]]
-    for k in range(co.quaternion_row.size):
-        for axis in range(3):
-            base.of_quaternion[3 * k + axis] = _to_tangent(
-                sim.qpos, co.quaternion_qpos[k], later, co.quaternion_row[k], axis
-            )
-    for k in range(co.velocity_row.size):
-        base.of_velocity[k] = later[co.velocity_row[k]]
-    for k in range(co.activation_row.size):
-        base.of_activation[k] = later[co.activation_row[k]]
-    stiff = 0.0
-    if sim.implicit.mass.size > 0:
-        base.mu[:] = 0
-        for k in range(co.scalar_row.size):
-            base.mu[co.scalar_dof[k]] = h * base.of_scalar[k]
-        for k in range(co.velocity_row.size):
-            base.mu[co.velocity_dof[k]] += base.of_velocity[k]
-        solve(sim.implicit, base.mu)
-        base.a[:] = (base.qvel - base.a) / h
-        stiff = bilinear(sim.implicit, h, base.mu, base.a)
-    scale = 1 / (2 * epsilon) if centred else 1 / epsilon
-    sides = 2 if centred else 1
-    out[:] = 0
-    for k in range(co.goal_row.size):
-        out[co.goal_row[k]] = later[co.goal_row[k]]
-    for k in range(co.velocity_row.size):
-        for side in range(sides):
-            sign = 1.0 - 2.0 * side
-            _set(sim, co, x)
-            sim.qvel[co.velocity_dof[k]] += sign * epsilon
-            moved = _change(fn, sim, co, readings, POSITION, base, rho, h, stiff)
-            out[co.velocity_row[k]] += scale * sign * moved
-    for k in range(co.activation_row.size):
-        for side in range(sides):
-            sign = 1.0 - 2.0 * side
-            _set(sim, co, x)
-            if k == 0 and side == 0 and co.velocity_row.size > 0:
-                _forward(fn, sim, POSITION, readings.skip_sensors)  # velocities as they were
-            sim.act[k] += sign * epsilon
-            moved = _change(fn, sim, co, readings, VELOCITY, base, rho, h, stiff)
-            out[co.activation_row[k]] += scale * sign * moved
-    for k in range(co.scalar_row.size):
-        for side in range(sides):
-            sign = 1.0 - 2.0 * side
-            _set(sim, co, x)
-            sim.qpos[co.scalar_qpos[k]] += sign * epsilon
-            moved = _change(fn, sim, co, readings, NONE, base, rho, h, stiff)
-            out[co.scalar_row[k]] += scale * sign * moved
-    for k in range(co.quaternion_row.size):
-        for axis in range(3):
-            slope = 0.0
-            for side in range(sides):
-                sign = 1.0 - 2.0 * side
-                _set(sim, co, x)
-                _turned(sim.qpos, co.quaternion_qpos[k], axis, sign * epsilon)
-                moved = _change(fn, sim, co, readings, NONE, base, rho, h, stiff)
-                slope += scale * sign * moved
-            _set(sim, co, x)
-            _add_from_tangent(sim.qpos, co.quaternion_qpos[k], axis, 4 * slope, out, co.quaternion_row[k])
-
-
-@entry_point(**OPTIONS)
-def pull_back(
-    fn: Functions,
-    sim: Simulation,
-    co: Coordinates,
-    ac: Actuation,
-    readings: Readings,
-    x: Array,
-    u: Array,
-    dVdx: Array,
-    drdx: Array,
-    rho: Array,
-    l: float,
-    discount: float,
-    h: float,
-    epsilon: float,
-    centred: bool,
-    first: int,
-    last: int,
-    out: Array,
-) -> None:
-    """Trajectories first .. last, backwards in time: the costates g of value gradients' equations.
-
-    x (T + 1, p, N), u (T, q, N), dVdx (T + 1, p, N); drdx (T, p, N), the slope of the reward of a step in x itself, and
-    rho (T, r, N), in its readings. ``out`` (T, p, N) is filled with
-    g(t) = drdx + readings' part + discount F^T [(1 - l) dVdx(t + 1) + l g(t + 1)]. ``h`` is the model's time step.
-    """
-    T, q, p = u.shape[0], u.shape[1], x.shape[1]
-    now, later, g, weight = np.empty(p), np.empty(p), np.empty(p), np.empty(rho.shape[1])
-    nq, nv, na = sim.qpos.size, sim.qvel.size, sim.act.size
-    base = _Base(
-        np.empty(nq),
-        np.empty(nv),
-        np.empty(na),
-        np.empty(rho.shape[1]),
-        np.empty(co.scalar_row.size),
-        np.empty(3 * co.quaternion_row.size),
-        np.empty(co.velocity_row.size),
-        np.empty(co.activation_row.size),
-        np.empty(nv),
-        np.empty(nv),
-    )
-    for n in range(first, last):
-        g[:] = dVdx[T, :, n]
-        for t in range(T - 1, -1, -1):
-            for i in range(p):
-                later[i] = discount * ((1 - l) * dVdx[t + 1, i, n] + l * g[i])
-            now[:], weight[:] = x[t, :, n], rho[t, :, n]
-            for k in range(q):
-                _hold(sim, ac, k, u[t, k, n])
-            _gradient(fn, sim, co, readings, now, later, weight, h, epsilon, centred, base, g)
-            for i in range(p):
-                g[i] += drdx[t, i, n]
-                out[t, i, n] = g[i]

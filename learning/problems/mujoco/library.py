@@ -7,11 +7,14 @@ from __future__ import annotations
 import ctypes
 import functools
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 
-__all__ = ["Functions", "functions"]
+__all__ = ["OPTIONS", "Functions", "functions"]
+
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+"""Of numba, for code that calls them."""
 
 
 class Functions(NamedTuple):
