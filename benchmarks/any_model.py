@@ -21,7 +21,7 @@ import torch
 import tyro
 from numpy.typing import NDArray
 from rich.console import Console
-from yardstick import Row, append, finished, looks
+from yardstick import Row, fill, looks
 
 from swimmer_mj.cli.training import changed, configured
 from swimmer_mj.learning.problems.mujoco.task import MujocoTask
@@ -111,10 +111,8 @@ def main(
     os.environ.setdefault("MUJOCO_GL", "osmesa")
     torch.set_num_threads(1)
     console = Console(highlight=False)
-    for seed in seeds:
-        for task in tasks:
-            if (task, seed) not in finished(out, COLUMNS):
-                append(out, learn(task, seed, seconds, console))
+    keys = ((task, seed) for seed in seeds for task in tasks)
+    fill(out, COLUMNS, keys, lambda task, seed: learn(task, seed, seconds, console))
 
 
 if __name__ == "__main__":

@@ -11,8 +11,8 @@ and shimmy for tasks of dm_control. ``any_model_curves.py`` draws both.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,7 +26,7 @@ from rich.console import Console
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
-from yardstick import Row, append, finished, looks
+from yardstick import Row, fill, looks
 
 OUT = Path(__file__).parent / "results" / "any-model-peers.csv"
 COLUMNS = (
@@ -142,14 +142,8 @@ def main(
     """
     torch.set_num_threads(1)
     console = Console(highlight=False)
-    finished(out, COLUMNS)  # makes an empty one
-    for seed in seeds:
-        for task in tasks:
-            for algorithm in algorithms:
-                with out.open(newline="") as file:
-                    done = {(row["task"], row["algorithm"], row["seed"]) for row in csv.DictReader(file)}
-                if (task, algorithm, str(seed)) not in done:
-                    append(out, learn(task, algorithm, seed, seconds, console))
+    keys = ((task, algorithm, seed) for seed, task, algorithm in product(seeds, tasks, algorithms))
+    fill(out, COLUMNS, keys, lambda task, algorithm, seed: learn(task, algorithm, seed, seconds, console))
 
 
 if __name__ == "__main__":

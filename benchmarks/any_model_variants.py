@@ -9,7 +9,6 @@ for as long, and acts for that control step. A learner that is there already is 
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,7 +19,7 @@ import tyro
 from any_model import COLUMNS as LOOKED
 from any_model import learn
 from rich.console import Console
-from yardstick import append, finished
+from yardstick import Row, fill
 
 OUT = Path(__file__).parent / "results" / "any-model-variants.csv"
 COLUMNS = (LOOKED[0], "settings", *LOOKED[1:])
@@ -48,18 +47,14 @@ def main(tasks: tuple[str, ...] = tuple(VARIANTS), seeds: Sequence[int] = (0, 1,
     os.environ.setdefault("MUJOCO_GL", "osmesa")
     torch.set_num_threads(1)
     console = Console(highlight=False)
-    finished(out, COLUMNS)  # makes an empty one
-    for seed in seeds:
-        for task in tasks:
-            seconds, variants = VARIANTS[task]
-            for settings in variants:
-                with out.open(newline="", encoding="utf-8") as file:
-                    done = {(row["task"], row["settings"], row["seed"]) for row in csv.DictReader(file)}
-                if (task, settings, str(seed)) in done:
-                    continue
-                console.print(settings or "as train", "...")
-                rows = learn(task, seed, seconds, console, ("threads=1", *settings.split()))
-                append(out, ((row[0], settings, *row[1:]) for row in rows))
+
+    def variant(task: str, settings: str, seed: int) -> list[Row]:
+        console.print(settings or "as train", "...")
+        rows = learn(task, seed, VARIANTS[task][0], console, ("threads=1", *settings.split()))
+        return [(row[0], settings, *row[1:]) for row in rows]
+
+    keys = [(task, settings, seed) for seed in seeds for task in tasks for settings in VARIANTS[task][1]]
+    fill(out, COLUMNS, keys, variant)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ import tyro
 from any_model import COLUMNS, FRESH, LOOKED_AT, LOOKS
 from numpy.typing import NDArray
 from rich.console import Console
-from yardstick import Row, append, finished, looks
+from yardstick import Row, fill, looks
 
 OUT = Path(__file__).parent / "results" / "linear-policies.csv"
 POPULATION, ELITE = 40, 8
@@ -49,9 +49,9 @@ def refit(gains: Array, returns: Array, least: float) -> tuple[Array, Array]:
     return elite.mean(axis=0), elite.std(axis=0) + least
 
 
-def search(name: str, seed: int, seconds: float, console: Console) -> list[Row]:
+def search(task: str, seed: int, seconds: float, console: Console) -> list[Row]:
     """A row for each look at the law's mean."""
-    env = gymnasium.make(name)
+    env = gymnasium.make(task.removeprefix("gymnasium/"))
     assert env.observation_space.shape is not None
     assert env.action_space.shape is not None
     rng = np.random.default_rng(seed)
@@ -64,7 +64,7 @@ def search(name: str, seed: int, seconds: float, console: Console) -> list[Row]:
     def row(kind: str, at: float, K: Array, seeds: Iterable[int]) -> float:
         returns = np.array([play(env, K, seed)[0] for seed in seeds])
         numbers = (f"{value:.4f}" for value in (returns.mean(), returns.min(), returns.max()))
-        rows.append((f"gymnasium/{name}", seed, kind, f"{at:.1f}", steps, *numbers))
+        rows.append((task, seed, kind, f"{at:.1f}", steps, *numbers))
         console.print(*rows[-1])
         return float(returns.mean())
 
@@ -100,10 +100,8 @@ def main(
         out: The table that rows are added to.
     """
     console = Console(highlight=False)
-    for seed in seeds:
-        for name in tasks:
-            if (f"gymnasium/{name}", seed) not in finished(out, COLUMNS):
-                append(out, search(name, seed, seconds, console))
+    keys = ((f"gymnasium/{name}", seed) for seed in seeds for name in tasks)
+    fill(out, COLUMNS, keys, lambda task, seed: search(task, seed, seconds, console))
 
 
 if __name__ == "__main__":

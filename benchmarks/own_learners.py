@@ -141,7 +141,7 @@ def main(
     """
     torch.set_num_threads(1)
     for name in algorithms:
-        todo = [seed for seed in seeds if (name, seed) not in finished(out)]
+        todo = [seed for seed in seeds if (name, str(seed)) not in finished(out)]
         if todo:
             compiled: Learner = LEARNERS[name](0)
             compiled.learn()

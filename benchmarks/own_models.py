@@ -21,7 +21,7 @@ import tyro
 from numpy.typing import NDArray
 from rich.console import Console
 from torch import Tensor
-from yardstick import Row, append, finished, looks
+from yardstick import Row, fill, looks
 
 from swimmer_mj.learning.networks.networks import Multilayer
 from swimmer_mj.learning.problems.mujoco import MujocoProblem
@@ -185,10 +185,8 @@ def main(
     """
     torch.set_num_threads(1)
     console = Console(highlight=False)
-    for seed in seeds:
-        for name in names:
-            if (name, seed) not in finished(out, COLUMNS):
-                append(out, learn(name, seed, seconds, console))
+    keys = ((name, seed) for seed in seeds for name in names)
+    fill(out, COLUMNS, keys, lambda name, seed: learn(name, seed, seconds, console))
 
 
 if __name__ == "__main__":

@@ -107,7 +107,7 @@ def main(
     torch.set_num_threads(1)
     for seed in seeds:
         for algorithm in algorithms:
-            if (algorithm, seed) in finished(out):
+            if (algorithm, str(seed)) in finished(out):
                 continue
             settings = dict(SETTINGS[algorithm])
             environments = Swimmers(settings.pop("n_envs"), 1000 * seed)

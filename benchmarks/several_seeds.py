@@ -56,7 +56,7 @@ def main(
     with tempfile.TemporaryDirectory() as folder:
         command("train", "--out", f"{folder}/compiled", *kind, "--seconds", 1)
         for seed in range(first, first + TEAM * times, TEAM):
-            if (str(links), seed) in finished(out, COLUMNS):
+            if (str(links), str(seed)) in finished(out, COLUMNS):
                 continue
             runs = f"{folder}/{seed}"
             seeds = ("--seeds", f"{seed}-{seed + TEAM - 1}", "--halve", "--seconds", seconds)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from swimmer_as_mjcf import S_GAMMA, centre_velocity
 from swimmer_as_mjcf import starts as in_mujoco
-from yardstick import Row, append, finished, looks
+from yardstick import Row, fill, looks
 
 from swimmer_mj import state as st
 from swimmer_mj.environments.swimming import wrap_angle
@@ -152,10 +152,8 @@ def main(
     """
     torch.set_num_threads(1)
     console = Console(highlight=False)
-    for seed in seeds:
-        for links in learned:
-            if (links, seed) not in finished(out, COLUMNS):
-                append(out, learn(links, seed, seconds, console))
+    keys = ((links, seed) for seed in seeds for links in learned)
+    fill(out, COLUMNS, keys, lambda links, seed: learn(links, seed, seconds, console))
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ import tyro
 from numpy.typing import NDArray
 from rich.console import Console
 from torch import Tensor
-from yardstick import Row, append, finished, looks, row, swimming_speed
+from yardstick import COLUMNS, Row, fill, looks, row, swimming_speed
 
 from swimmer_mj import state as st
 from swimmer_mj.dynamics import to_qpos_qvel
@@ -109,11 +109,12 @@ def main(
     """
     torch.set_num_threads(1)
     console = Console(highlight=False)
-    done = finished(out)
-    for seed in seeds:
-        for friction in frictions:
-            if (f"friction by {friction}", seed) not in done:
-                append(out, learn(friction, seed, seconds, console))
+    names: dict[str, Friction] = {f"friction by {friction}": friction for friction in frictions}
+
+    def of(name: str, seed: int) -> list[Row]:
+        return learn(names[name], seed, seconds, console)
+
+    fill(out, COLUMNS, ((name, seed) for seed in seeds for name in names), of)
 
 
 if __name__ == "__main__":

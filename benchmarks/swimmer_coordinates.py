@@ -20,7 +20,7 @@ from typing import Any
 import torch
 import tyro
 from rich.console import Console
-from yardstick import Row, append, finished, looks
+from yardstick import Row, fill, looks
 
 from swimmer_mj.cli.training import changed, configured
 from swimmer_mj.learning.problems.problem import N_EPISODES
@@ -86,10 +86,8 @@ def main(
     """
     torch.set_num_threads(1)
     console = Console(highlight=False)
-    for name in names:
-        for seed in seeds:
-            if (name, seed) not in finished(out, COLUMNS):
-                append(out, learn(name, seed, seconds, console))
+    keys = ((name, seed) for seed in seeds for name in names)
+    fill(out, COLUMNS, keys, lambda name, seed: learn(name, seed, seconds, console))
 
 
 if __name__ == "__main__":

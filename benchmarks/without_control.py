@@ -39,7 +39,7 @@ def main(tasks: tuple[str, ...] = TASKS, episodes: int = 300, out: Path = OUT) -
     """
     os.environ.setdefault("MUJOCO_GL", "osmesa")
     for name in tasks:
-        if (name, OTHERS) in finished(out, COLUMNS):
+        if (name, str(OTHERS)) in finished(out, COLUMNS):
             continue
         task = MujocoTask(name, threads=1)
 

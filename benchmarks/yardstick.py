@@ -6,6 +6,7 @@ import csv
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,20 +72,30 @@ def looks(learn: Callable[[], object], times: Sequence[float], seconds: float) -
         clock.start()
 
 
-def finished(out: Path, columns: tuple[str, ...] = COLUMNS) -> set[tuple[str, int]]:
-    """What ``out`` has already, (the first column, seed); an empty table is made where there is none."""
+def finished(out: Path, columns: tuple[str, ...] = COLUMNS, count: int = 2) -> set[tuple[str, ...]]:
+    """The first ``count`` columns of what ``out`` has already; an empty table is made where there is none."""
     if not out.exists():
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(",".join(columns) + "\n")
     with out.open(newline="") as file:
-        return {(row[columns[0]], int(row["seed"])) for row in csv.DictReader(file)}
+        return {tuple(row[column] for column in columns[:count]) for row in csv.DictReader(file)}
 
 
 def append(out: Path, rows: Iterable[Row]) -> None:
-    """Add the rows of a learner that is done."""
+    """Add the rows of a learner, when it is done."""
+    done = list(rows)
     with out.open("a", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows(rows)
+        csv.writer(file, lineterminator="\n").writerows(done)
     note_made(out)
+
+
+def fill(
+    out: Path, columns: tuple[str, ...], keys: Iterable[tuple[Any, ...]], learn: Callable[..., Iterable[Row]]
+) -> None:
+    """Add ``learn(*key)`` of each key, the first columns of its rows, of which ``out`` has none."""
+    for key in keys:
+        if tuple(map(str, key)) not in finished(out, columns, len(key)):
+            append(out, learn(*key))
 
 
 def row(algorithm: str, seed: int, clock: Clock, simulation_steps: int, speed: SwimmingSpeed) -> Row:

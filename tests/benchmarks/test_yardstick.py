@@ -4,6 +4,7 @@ import dataclasses
 import time
 
 import numpy as np
+import pytest
 import robustness
 import yardstick
 
@@ -92,3 +93,23 @@ def test_each_changed_swimmer_is_off_in_what_it_says():
         (name,) = off
         assert name == {"friction": "viscous_friction"}.get(what, what.replace(" ", "_"))
         np.testing.assert_allclose(ratios[name], {"up": 1.1, "down": 0.9}[way])
+
+
+def test_a_table_is_filled_once_and_a_learner_that_fails_leaves_no_row(tmp_path):
+    """Keys are told apart by all their columns."""
+    out, columns, learned = tmp_path / "log.csv", ("task", "settings", "seed", "speed"), []
+
+    def learn(task, settings, seed):
+        learned.append((task, settings, seed))
+        yield task, settings, seed, "1.0"
+        if settings == "bad":
+            raise RuntimeError
+        yield task, settings, seed, "2.0"
+
+    yardstick.fill(out, columns, [("swim", "a", 0), ("swim", "a", 1)], learn)
+    with pytest.raises(RuntimeError):
+        yardstick.fill(out, columns, [("swim", "a", 1), ("swim", "bad", 1)], learn)
+    yardstick.fill(out, columns, [("swim", "b", 1)], learn)
+    assert learned == [("swim", "a", 0), ("swim", "a", 1), ("swim", "bad", 1), ("swim", "b", 1)]
+    rows = ["swim,a,0,1.0", "swim,a,0,2.0", "swim,a,1,1.0", "swim,a,1,2.0", "swim,b,1,1.0", "swim,b,1,2.0"]
+    assert out.read_text().split() == [",".join(columns), *rows]
