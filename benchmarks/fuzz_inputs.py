@@ -41,7 +41,7 @@ from swimmer_mj.cli.sweep import read_jobs
 from swimmer_mj.cli.training import OPTIONS, changed, configured, parse_seeds
 from swimmer_mj.files import replacing
 from swimmer_mj.learning.experiments.made import note_made
-from swimmer_mj.learning.problems.mujoco.problem import load_model
+from swimmer_mj.learning.problems.mujoco.starts import load_model
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint

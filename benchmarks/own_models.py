@@ -25,8 +25,8 @@ from yardstick import Row, fill, looks
 
 from swimmer_mj.learning.networks.networks import Multilayer
 from swimmer_mj.learning.problems.mujoco import MujocoProblem
-from swimmer_mj.learning.problems.mujoco.problem import Starts
 from swimmer_mj.learning.problems.mujoco.readings import Scene
+from swimmer_mj.learning.problems.mujoco.starts import Starts
 from swimmer_mj.learning.problems.mujoco.task import ADVICE
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings

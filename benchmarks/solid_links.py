@@ -29,7 +29,7 @@ from swimmer_mj.environments.swimming import wrap_angle
 from swimmer_mj.initial_states import random_initial_state
 from swimmer_mj.learning.networks.networks import Multilayer
 from swimmer_mj.learning.problems.mujoco import MujocoProblem
-from swimmer_mj.learning.problems.mujoco.problem import Starts
+from swimmer_mj.learning.problems.mujoco.starts import Starts
 from swimmer_mj.learning.problems.swim.environment import SPEED
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings

@@ -26,8 +26,8 @@ from swimmer_mj.dynamics import to_qpos_qvel
 from swimmer_mj.initial_states import random_initial_state
 from swimmer_mj.learning.networks.networks import Multilayer
 from swimmer_mj.learning.problems.mujoco import MujocoProblem
-from swimmer_mj.learning.problems.mujoco.problem import Starts
 from swimmer_mj.learning.problems.mujoco.readings import Scene
+from swimmer_mj.learning.problems.mujoco.starts import Starts
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
 from swimmer_mj.mjcf import Friction, mjcf

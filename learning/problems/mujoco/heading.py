@@ -12,7 +12,7 @@ how the model moves nor the reward, V does not depend on theta in these coordina
 # (MuJoCo's bindings carry no types.)
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -25,7 +25,7 @@ from torch import Tensor
 from swimmer_mj.learning.problems.forms import BatchCoordinates
 from swimmer_mj.learning.problems.mujoco.coordinates import Coordinates
 
-__all__ = ["Heading", "batch_coordinates", "enter", "headings", "leave", "turned"]
+__all__ = ["Heading", "batch_coordinates", "enter", "headings", "idle", "leave", "turned"]
 
 Array = NDArray[np.float64]
 
@@ -88,6 +88,19 @@ def turned(heading: Heading, x: Array, angle: Array, rates: bool = False) -> Arr
     if not rates:
         y[:, heading.hinge] += angle
     return y
+
+
+def idle(heading: Heading, all_of: Callable[[Array], Array], columns: int, x: Array, angle: Array) -> bool:
+    """Whether it makes no difference where the body looks.
+
+    That is, whether what ``all_of`` tells of the states x (N, p) turns with them by ``angle`` (N,) in its first p times
+    ``columns`` numbers, which are what a state changes by, and is the same in the others.
+    """
+    expected, p = all_of(x), x.shape[1]
+    for k in range(0, p * columns, p):
+        expected[:, k : k + p] = turned(heading, expected[:, k : k + p], angle, rates=True)
+    scale = 1 + np.abs(expected).max(axis=1, keepdims=True)
+    return bool((np.abs(all_of(turned(heading, x, angle)) - expected) < 1e-7 * scale).all())
 
 
 def enter(heading: Heading, x: Tensor) -> Tensor:

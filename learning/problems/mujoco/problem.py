@@ -13,11 +13,9 @@ constraint becomes active. :meth:`MujocoProblem.caution` says at which share of 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
-from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import mujoco
 import numpy as np
@@ -41,12 +39,14 @@ from swimmer_mj.learning.problems.mujoco import heading
 from swimmer_mj.learning.problems.mujoco.actuation import actuation
 from swimmer_mj.learning.problems.mujoco.batched import MujocoBatch, Rate
 from swimmer_mj.learning.problems.mujoco.coordinates import layout
+from swimmer_mj.learning.problems.mujoco.encoding import How, encode, encoding, rows_asked_for, unused
 from swimmer_mj.learning.problems.mujoco.readings import Scene, recorded, scene_of
 from swimmer_mj.learning.problems.mujoco.simulations import Simulations, learners_model, own_model
+from swimmer_mj.learning.problems.mujoco.starts import Draw, Starts, anywhere, load_model, states
 from swimmer_mj.mjcf import FRICTION_TUPLE
 from swimmer_mj.viscous import hold
 
-__all__ = ["Draw", "MujocoProblem", "Starts", "load_model"]
+__all__ = ["MujocoProblem"]
 
 Array = NDArray[np.float64]
 Form = TypeVar("Form")
@@ -56,38 +56,6 @@ SAMPLE = 256
 """States from which scales, and what does not matter, are read off."""
 SETTLING = 1.0
 """How long those states move under random controls before their scales are taken, s."""
-
-
-class Starts(NamedTuple):
-    """Initial states in MuJoCo's own coordinates."""
-
-    qpos: Array
-    """(count, nq)."""
-    qvel: Array
-    """(count, nv)."""
-    goal: Array | None = None
-    """(count, size): what the reward and the policy know besides, and what does not move."""
-    act: Array | None = None
-    """(count, na)."""
-
-
-Draw = Callable[[np.random.Generator, int], Starts]
-"""The law of initial states: (generator, count) -> :class:`Starts`."""
-
-
-def load_model(source: Any) -> Any:
-    """The model of an MjModel, an XML string, or the path of an XML file."""
-    if isinstance(source, mujoco.MjModel):
-        return source
-    text = os.fspath(source)
-    try:
-        if text.lstrip().startswith("<"):
-            return mujoco.MjModel.from_xml_string(text)
-        if not Path(text).is_file():
-            raise FileNotFoundError(f"there is no model {text}")
-        return mujoco.MjModel.from_xml_path(text)
-    except ValueError as error:
-        raise ValueError(f"MuJoCo cannot compile the model: {str(error).splitlines()[0]}") from error
 
 
 class MujocoProblem:
@@ -106,8 +74,7 @@ class MujocoProblem:
     name : str
         What to call it.
     draw : callable, optional
-        The law of initial states. By default angles that turn freely are anywhere, limited joints anywhere in their
-        range, other positions within 1 of those of the model, velocities within 1.
+        The law of initial states; :func:`~swimmer_mj.learning.problems.mujoco.starts.anywhere` by default.
     s_gamma : float
         Shortness factor, 1/s.
     control_timestep : float, optional
@@ -140,7 +107,7 @@ class MujocoProblem:
         s_gamma: float = 1.0,
         control_timestep: float | None = None,
         without: Sequence[str] | None = None,
-        inputs: Mapping[str, float | Literal["angle"]] | None = None,
+        inputs: Mapping[str, How] | None = None,
         control_limits: Sequence[float] | None = None,
         held: bool = True,
         threads: int | None = None,
@@ -155,7 +122,7 @@ class MujocoProblem:
         self._actuation = actuation(model, control_limits)
         self.control_limits = self._actuation.limits
         self._home = np.array(model.qpos0)
-        self._draw = partial(_anywhere, model) if draw is None else draw
+        self._draw = partial(anywhere, model) if draw is None else draw
         starts = self._draw(np.random.default_rng(0), 2)
         self.goal_size = 0 if starts.goal is None else starts.goal.shape[1]
         self._threads, self.held = threads, held
@@ -277,18 +244,7 @@ class MujocoProblem:
 
     def states(self, starts: Starts) -> Array:
         """x (count, p) of MuJoCo's coordinates."""
-        co = self.layout.coordinates
-        x = np.zeros((len(starts.qpos), self.state_size))
-        x[:, co.scalar_row] = starts.qpos[:, co.scalar_qpos]
-        for row, start in zip(co.quaternion_row, co.quaternion_qpos, strict=True):
-            q = starts.qpos[:, start : start + 4]
-            x[:, row : row + 4] = np.where(q[:, :1] < 0, -q, q) / np.linalg.norm(q, axis=1, keepdims=True)
-        x[:, co.velocity_row] = starts.qvel[:, co.velocity_dof]
-        if starts.act is not None:
-            x[:, co.activation_row] = starts.act
-        if starts.goal is not None:
-            x[:, co.goal_row] = starts.goal
-        return x
+        return states(self.layout.coordinates, self.state_size, starts)
 
     def _choose(self, slope_at: Slope, x: Array, duration: float | None) -> Array:
         """Greedy u (..., q) at x (..., p), held for ``duration``, by default a control timestep."""
@@ -330,10 +286,7 @@ class MujocoProblem:
 
     def _encode(self, x: Tensor) -> Tensor:
         """The inputs at the coordinates in which V is learned."""
-        e = self.encoding
-        angles = x[..., e.angle]
-        linear = x[..., e.linear] * torch.as_tensor(e.scale).to(x)
-        return torch.cat([torch.cos(angles), torch.sin(angles), linear], dim=-1)
+        return encode(self.encoding, x)
 
     def form(self, kind: type[Form]) -> Form | None:
         """Batches of states by MuJoCo, and the control's cost."""
@@ -377,42 +330,16 @@ class MujocoProblem:
             x = np.where(ok[:, None], later, x)
         return x
 
-    def _encoding(self, asked: Mapping[str, float | Literal["angle"]]) -> Encoding:
-        rows = self._rows_asked_for(asked)
-        turning = [i for i, how in rows.items() if how == "angle"]
-        angle = np.union1d(np.setdiff1d(self.layout.angle, list(rows)), turning).astype(np.int64)
-        unheard = [i for i, how in rows.items() if how == 0]
-        if self.heading is not None and self.heading.hinge not in rows:
-            unheard.append(self.heading.hinge)
-            angle = np.setdiff1d(angle, unheard)
-        linear = np.setdiff1d(np.arange(self.state_size), np.union1d(angle, unheard)).astype(np.int64)
-        n = len(angle)
-        seen = np.concatenate([self.initial_states(np.random.default_rng(0), SAMPLE), self._wanderings()])
-        if self.heading is not None:
-            seen = heading.enter(self.heading, torch.from_numpy(seen)).numpy()
-        size = np.sqrt((seen[:, linear] ** 2).mean(axis=0))
-        scale = 1 / np.where(size > 1e-6, size, 1.0)
-        co = self.layout.coordinates
-        for row in co.quaternion_row:
-            scale[np.isin(linear, np.arange(row, row + 4))] = 1.0
-        for i, how in rows.items():
-            if how != "angle":
-                scale[linear == i] = how
-        k = np.arange(n)
-        return Encoding(angle, k, n + k, linear, 2 * n + np.arange(len(linear)), scale)
+    def _seen(self) -> Array:
+        """Initial states, and states reached from them; (2 SAMPLE, p)."""
+        return np.concatenate([self.initial_states(np.random.default_rng(0), SAMPLE), self._wanderings()])
 
-    def _rows_asked_for(
-        self, asked: Mapping[str, float | Literal["angle"]]
-    ) -> dict[int, float | Literal["angle"]]:
-        names, rows = self.layout.names, {}
-        for name, how in asked.items():
-            found = [i for i, known in enumerate(names) if known == name]
-            if not found:
-                raise ValueError(f"inputs names {name!r}; the state has {', '.join(dict.fromkeys(names))}")
-            if how != "angle" and not (isinstance(how, float | int) and math.isfinite(how)):
-                raise ValueError(f"inputs[{name!r}] must be a finite factor or 'angle', got {how!r}")
-            rows |= dict.fromkeys(found, how)
-        return rows
+    def _encoding(self, asked: Mapping[str, How]) -> Encoding:
+        rows, seen = rows_asked_for(self.layout, asked), self._seen()
+        if self.heading is None:
+            return encoding(self.layout, rows, (), seen)
+        seen = heading.enter(self.heading, torch.from_numpy(seen)).numpy()
+        return encoding(self.layout, rows, (self.heading.hinge,), seen)
 
     def _all_of(self, x: Array) -> Array:
         """Drift, columns of the control matrix, reward and costs, (N, p + qp + 1 + q)."""
@@ -424,13 +351,9 @@ class MujocoProblem:
         """What moves in a plane in which it makes no difference where it looks; None if nothing does."""
         rng = np.random.default_rng(2)
         x, angle = self.initial_states(rng, 16), rng.uniform(-3, 3, 16)
-        p, q = self.state_size, self.control_limits.size
+        columns = 1 + self.control_limits.size
         for found in heading.headings(self.model, self.layout.coordinates):
-            expected = self._all_of(x)
-            for k in range(0, p * (1 + q), p):
-                expected[:, k : k + p] = heading.turned(found, expected[:, k : k + p], angle, rates=True)
-            scale = 1 + np.abs(expected).max(axis=1, keepdims=True)
-            if (np.abs(self._all_of(heading.turned(found, x, angle)) - expected) < 1e-7 * scale).all():
+            if heading.idle(found, self._all_of, columns, x, angle):
                 return found
         return None
 
@@ -438,26 +361,11 @@ class MujocoProblem:
         """Hinges and slides whose positions change neither accelerations, nor control matrix, nor reward."""
         rng = np.random.default_rng(1)
         x = self.initial_states(rng, 16)
-        all_of, before = self._all_of, self._all_of(x)
-        scale = 1 + np.abs(before)
-        co = self.layout.coordinates
-        found = []
-        for j in range(self.model.njnt):
-            kind = mujoco.mjtJoint(int(self.model.jnt_type[j]))
-            if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
-                continue
-            if self.model.jnt_limited[j]:
-                continue
-            (k,) = np.flatnonzero(co.scalar_qpos == self.model.jnt_qposadr[j])
-            moved = x.copy()
-            moved[:, co.scalar_row[k]] += rng.uniform(-3, 3, len(x))
-            if (np.abs(all_of(moved) - before) < 1e-7 * scale).all():
-                found.append(self.layout.names[co.scalar_row[k]])
-        return tuple(found)
+        return unused(self.model, self.layout, self._all_of, x, rng)
 
     def constrained_share(self) -> float:
         """The share of states, drawn and reached by random controls, at which a constraint is active."""
-        seen = np.concatenate([self.initial_states(np.random.default_rng(0), SAMPLE), self._wanderings()])
+        seen = self._seen()
         data = mujoco.MjData(self.model)
         active = 0
         for x in seen:
@@ -480,24 +388,3 @@ class MujocoProblem:
 def _declares_friction(model: Any) -> bool:
     names = (mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TUPLE, k) or "" for k in range(model.ntuple))
     return any(name.endswith(FRICTION_TUPLE) for name in names)
-
-
-def _anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
-    """The default law of initial states."""
-    qpos = np.tile(model.qpos0, (count, 1))
-    for j in range(model.njnt):
-        at, kind = model.jnt_qposadr[j], mujoco.mjtJoint(int(model.jnt_type[j]))
-        if kind == mujoco.mjtJoint.mjJNT_FREE:
-            qpos[:, at : at + 3] += rng.uniform(-1, 1, (count, 3))
-            at += 3
-        if kind in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
-            q = rng.normal(size=(count, 4))
-            qpos[:, at : at + 4] = q / np.linalg.norm(q, axis=1, keepdims=True)
-        elif model.jnt_limited[j]:
-            low, high = model.jnt_range[j]
-            qpos[:, at] = rng.uniform(low, high, count)
-        elif kind == mujoco.mjtJoint.mjJNT_HINGE:
-            qpos[:, at] = rng.uniform(-np.pi, np.pi, count)
-        else:
-            qpos[:, at] += rng.uniform(-1, 1, count)
-    return Starts(qpos, rng.uniform(-1, 1, (count, model.nv)))

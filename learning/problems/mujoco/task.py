@@ -18,7 +18,8 @@ from torch import Tensor
 
 from swimmer_mj.learning.problems.forms import BatchPolicy, EnvironmentForm, EpisodeForm, FilmForm, Policy
 from swimmer_mj.learning.problems.mujoco.episodes import Episode, known_task, open_episode
-from swimmer_mj.learning.problems.mujoco.problem import MujocoProblem, Starts, load_model
+from swimmer_mj.learning.problems.mujoco.problem import MujocoProblem
+from swimmer_mj.learning.problems.mujoco.starts import Starts, load_model
 from swimmer_mj.learning.problems.mujoco.tasks.task import Task
 
 __all__ = ["MujocoTask"]

@@ -13,8 +13,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.learning.problems.mujoco.problem import Starts
 from swimmer_mj.learning.problems.mujoco.readings import Scene
+from swimmer_mj.learning.problems.mujoco.starts import Starts
 from swimmer_mj.learning.problems.mujoco.tasks.task import Task
 
 __all__ = ["TASKS"]

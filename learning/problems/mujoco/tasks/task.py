@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.learning.problems.mujoco.problem import Starts
 from swimmer_mj.learning.problems.mujoco.readings import Scene
+from swimmer_mj.learning.problems.mujoco.starts import Starts
 
 __all__ = ["Task"]
 
