@@ -15,7 +15,8 @@ from torch import Tensor
 
 from swimmer_mj.compiled.vectors import LANES
 from swimmer_mj.learning.problems.swim import Swimming
-from swimmer_mj.learning.problems.swim.batched import pullback, step, workspace
+from swimmer_mj.learning.problems.swim.batched_costates import pullback
+from swimmer_mj.learning.problems.swim.batched_equations import step, workspace
 from swimmer_mj.learning.problems.swim.reduced import reduced_constants
 
 Array = NDArray[np.float64]

@@ -4,7 +4,9 @@
 - :mod:`~swimmer_mj.learning.problems.swim.reduced`: the equations of its reduced variables, and their constants;
 - :mod:`~swimmer_mj.learning.problems.swim.torch_form`, :mod:`~swimmer_mj.learning.problems.swim.scalar`,
   :mod:`~swimmer_mj.learning.problems.swim.lanes`, :mod:`~swimmer_mj.learning.problems.swim.batched`: in torch, compiled
-  for one state, for a state in each SIMD lane, and for batches of trajectories;
+  for one state, for a state in each SIMD lane, and for batches of trajectories
+  (:mod:`~swimmer_mj.learning.problems.swim.batched_equations`,
+  :mod:`~swimmer_mj.learning.problems.swim.batched_costates`);
 - :mod:`~swimmer_mj.learning.problems.swim.environment`: the dm_control task in which it is judged, and may be learned.
 """
 

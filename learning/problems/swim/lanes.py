@@ -1,6 +1,6 @@
 """The swimmer for a pack of learners: one state in each lane of a SIMD vector.
 
-The equations are those of :mod:`swimmer_mj.learning.problems.swim.batched`, the encoding is that of
+The equations are those of :mod:`swimmer_mj.learning.problems.swim.batched_equations`, the encoding is that of
 :class:`swimmer_mj.learning.problems.swim.swimming.Swimming`.
 """
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from swimmer_mj.compiled.elementary import cos_sin_of_lanes
 from swimmer_mj.compiled.vectors import LANES, OPTIONS, convert, load, store
 from swimmer_mj.learning.problems.forms import LanesForm
-from swimmer_mj.learning.problems.swim.batched import derivative_of_lanes, workspace
+from swimmer_mj.learning.problems.swim.batched_equations import derivative_of_lanes, workspace
 from swimmer_mj.learning.problems.swim.reduced import reduced_constants
 from swimmer_mj.learning.problems.swim.swimming import RATE_SCALE, Swimming
 

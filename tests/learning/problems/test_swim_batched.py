@@ -14,7 +14,8 @@ from swimmer_mj.learning.networks.networks import Cascade, Multilayer
 from swimmer_mj.learning.problems.differentiable import transition, transition_pullback
 from swimmer_mj.learning.problems.forms import BatchForm, TorchForm
 from swimmer_mj.learning.problems.swim import Swimming
-from swimmer_mj.learning.problems.swim.batched import greedy_rk4, greedy_step, pullback, step, workspace
+from swimmer_mj.learning.problems.swim.batched_costates import pullback
+from swimmer_mj.learning.problems.swim.batched_equations import greedy_rk4, greedy_step, step, workspace
 from swimmer_mj.learning.problems.swim.reduced import reduced_constants
 from swimmer_mj.learning.value_gradient.equations import value_and_gradient_loss
 from swimmer_mj.parameters import PAPER, SwimmerParameters
