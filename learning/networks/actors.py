@@ -21,7 +21,7 @@ from swimmer_mj.learning.networks.batched import BLOCK, BatchedNetwork
 from swimmer_mj.learning.networks.networks import ValueNetwork
 from swimmer_mj.learning.problems.differentiable import require_torch
 from swimmer_mj.learning.problems.forms import BatchForm, Field, HoldForm, TorchForm
-from swimmer_mj.learning.problems.held import Slope
+from swimmer_mj.learning.problems.held import Memory, Slope
 from swimmer_mj.learning.problems.problem import ControlProblem
 
 __all__ = ["Actor", "BatchActor", "TorchActor", "actor_for", "batch_obstacle"]
@@ -73,10 +73,12 @@ class TorchActor:
         """dV/dx (p, N) of x (p, N)."""
         return self.value_and_slope(torch.tensor(x.T, device=self.device))[1].double().cpu().numpy().T
 
-    def greedy(self, x: Tensor, dVdx: Tensor, duration: float | None = None) -> Tensor:
+    def greedy(
+        self, x: Tensor, dVdx: Tensor, duration: float | None = None, memory: Memory | None = None
+    ) -> Tensor:
         """U sign(B^T dV/dx), or what is best held for ``duration``, by default a policy's; shape (N, q)."""
         if self.hold is not None:
-            u = self.hold.choose(self._slope_at, x.cpu().numpy(), duration)
+            u = self.hold.choose(self._slope_at, x.cpu().numpy(), duration, memory)
             return torch.from_numpy(u).to(self.device)
         gain = torch.einsum("npq,np->nq", self.form.control_matrix(x), dVdx)
         return self.limits * torch.sign(gain)

@@ -29,7 +29,6 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.learning.problems.held import Slope
 from swimmer_mj.learning.problems.problem import DT, EPISODE_DURATION, SETTLING_TIME, ControlProblem
 from swimmer_mj.parameters import SwimmerParameters
 from swimmer_mj.trajectory import Trajectory
@@ -156,9 +155,10 @@ class BatchForm(NamedTuple):
 
     encoding: Encoding
     greedy_step: Callable[..., None]
-    """(slope_at, x, dVdx, flips, dt, u, y): greedy controls u (q, N) times ``flips``, and the states y (p, N) after an
-    Euler step from x; y may be x. ``slope_at`` gives dV/dx elsewhere, for controls that are chosen for where they
-    lead. With dt = 0 only the controls are wanted, those of a policy."""
+    """(slope_at, x, dVdx, flips, dt, u, y, memory=None): greedy controls u (q, N) times ``flips``, and the states y
+    (p, N) after an Euler step from x; y may be x. With dt = 0 only the controls are wanted, those of a policy. For
+    controls that are chosen for where they lead, ``slope_at`` gives dV/dx elsewhere, and a
+    :class:`~swimmer_mj.learning.problems.held.Memory` goes from step to step along the same trajectories."""
     greedy_rk4: Callable[..., None]
     """As ``greedy_step``, as exactly as episodes are stepped, with u held: by the classical Runge-Kutta method, or by
     the model's own steps of its own integrator. ``y`` may be x."""
@@ -180,9 +180,9 @@ class CostForm(NamedTuple):
 class HoldForm(NamedTuple):
     """Controls that are chosen for the time for which they are held, not for the instant."""
 
-    choose: Callable[[Slope, Array, float | None], Array]
-    """(dV/dx (p, N) of x (p, N), states (..., p), duration in s, or None for that of a policy's control) -> u (..., q):
-    see :mod:`swimmer_mj.learning.problems.held`."""
+    choose: Callable[..., Array]
+    """(slope_at, x, duration, memory=None) -> u (..., q) at states x (..., p), held for ``duration`` in s, or for as
+    long as a policy's if it is None; ``slope_at`` and ``memory`` as in a :class:`BatchForm`."""
 
 
 class Moment(NamedTuple):

@@ -12,6 +12,7 @@ with y(u) the state at the end. As h goes to 0, its argmax goes to that of the H
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from swimmer_mj.compiled.cache import entry_point
 from swimmer_mj.compiled.vectors import OPTIONS
 
-__all__ = ["Slope", "held_control", "share_of_way"]
+__all__ = ["Memory", "Slope", "held_control", "share_of_way"]
 
 Array = NDArray[np.float64]
 
@@ -32,15 +33,35 @@ REACHES = (1.0, 0.5)
 SWEEPS = 10
 """Of coordinate ascent, if there is more than one coordinate."""
 
+CLEAR, SHORT = 1e-3, 1e-6
+"""A change of slope that the curvature did not foresee counts if its cosine with the way is more than the one, and the
+way, in shares of the limits, longer than the other: what is found on shorter ones is V's rounding."""
+
+
+@dataclass
+class Memory:
+    """What one choice leaves to the next along the same trajectories; nothing before the first."""
+
+    u: Array | None = None
+    """What was chosen, (q, N)."""
+    curvature: Array | None = None
+    """Of what is maximised, in u, (q, q, N)."""
+
 
 @np.errstate(invalid="ignore", over="ignore")  # of trajectories that have run away
-def held_control(slope_at: Slope, coast: Array, gain: Array, limits: Array, price: Array) -> Array:
+def held_control(
+    slope_at: Slope, coast: Array, gain: Array, limits: Array, price: Array, memory: Memory | None = None
+) -> Array:
     """argmax over abs(u_i) <= limits_i of V(coast + gain u) - sum_i price_i u_i^2, by quadratic models of it.
 
     The first model has the slope in u at u = 0. Its curvature is what the slope changes by where one control after the
     other goes to the limit to which it points. Towards its argmax u goes as far as the slope at both ends of that way
     says (:func:`share_of_way`). The second model is made alike there, by half as long pushes. So V's slope is asked for
     2 q + 4 times, and the result is exact for a quadratic V that is concave.
+
+    With a ``memory`` that is not empty there is one model, at what was chosen before and with the curvature of then,
+    and V's slope is asked for twice. The curvature learns what the slope at the end of the way says of it. Along a
+    trajectory, where little changes from control to control, that does as well.
 
     Parameters
     ----------
@@ -54,13 +75,13 @@ def held_control(slope_at: Slope, coast: Array, gain: Array, limits: Array, pric
         U.
     price : ndarray, shape (q, N)
         c >= 0, for the whole hold, in units of V at its end.
+    memory : Memory, optional
+        Of the choice before along these trajectories; it is brought up to date.
 
     Returns
     -------
     ndarray, shape (q, N)
     """
-    q = len(limits)
-
     end = np.empty_like(coast)
 
     def slope(u: Array) -> Array:
@@ -69,9 +90,21 @@ def held_control(slope_at: Slope, coast: Array, gain: Array, limits: Array, pric
         _project(gain, np.ascontiguousarray(slope_at(end)), price, u, out)
         return out
 
-    u = np.zeros((q, coast.shape[1]))
+    if memory is None or memory.u is None or memory.curvature is None:
+        u, curvature = _from_nothing(slope, limits, coast.shape[1])
+    else:
+        u, curvature = _from_before(slope, limits, memory.u, memory.curvature)
+    if memory is not None:
+        memory.u, memory.curvature = u.copy(), curvature
+    return u
+
+
+def _from_nothing(slope: Callable[[Array], Array], limits: Array, N: int) -> tuple[Array, Array]:
+    """The control and the curvature there, given the slope in u (q, N)."""
+    q = len(limits)
+    u, curvature = np.zeros((q, N)), np.zeros((q, q, N))
     for reach in REACHES:
-        here, curvature = slope(u), np.empty((q, *u.shape))
+        here = slope(u)
         for i, U in enumerate(limits):
             push = reach * np.where(here[i] < 0, -U, U)
             np.negative(push, out=push, where=np.abs(u[i] + push) > U)
@@ -79,11 +112,28 @@ def held_control(slope_at: Slope, coast: Array, gain: Array, limits: Array, pric
             pushed[i] += push
             curvature[i] = (slope(pushed) - here) / push
         curvature = (curvature + curvature.swapaxes(0, 1)) / 2
-        top = u.copy()
-        _argmax_in_box(here - (curvature * u).sum(axis=1), curvature, limits, top)
-        way = top - u
+        way = _to_the_top(here, curvature, limits, u)
         u += share_of_way(here, slope(u + way), way) * way
-    return u
+    return u, curvature
+
+
+def _from_before(
+    slope: Callable[[Array], Array], limits: Array, before: Array, curvature: Array
+) -> tuple[Array, Array]:
+    """As :func:`_from_nothing`, from what they were ``before``."""
+    here = slope(before)
+    way = _to_the_top(here, curvature, limits, before)
+    there = slope(before + way)
+    u, curvature = before + share_of_way(here, there, way) * way, curvature.copy()
+    _correct(curvature, way, there - here, limits)
+    return u, curvature
+
+
+def _to_the_top(here: Array, curvature: Array, limits: Array, u: Array) -> Array:
+    """From u (q, N) to the argmax of the model with the slope ``here`` and that curvature, (q, N)."""
+    top = u.copy()
+    _argmax_in_box(here - (curvature * u).sum(axis=1), curvature, limits, top)
+    return top - u
 
 
 def share_of_way(start: Array, end: Array, way: Array) -> Array:
@@ -146,3 +196,27 @@ def _argmax_in_box(slope: Array, curvature: Array, limits: Array, u: Array) -> N
                         rest += curvature[i, k, b] * u[k, b]
                 best = -rest / bend if bend < 0 else np.sign(rest) * limits[i]
                 u[i, b] = min(max(best, -limits[i]), limits[i])
+
+
+@entry_point(**OPTIONS)
+def _correct(curvature: Array, way: Array, change: Array, limits: Array) -> None:
+    """Let the curvature (q, q, N) say how the slope changes (q, N) on a way (q, N): symmetric, of rank one.
+
+    SR1: Nocedal and Wright 2006, doi:10.1007/978-0-387-40065-5, equation 6.24, with the safeguard 6.26.
+    """
+    q = way.shape[0]
+    unforeseen = np.empty(q)
+    for b in range(way.shape[1]):
+        along = size = length = share = 0.0
+        for i in range(q):
+            unforeseen[i] = change[i, b]
+            for k in range(q):
+                unforeseen[i] -= curvature[i, k, b] * way[k, b]
+            along += unforeseen[i] * way[i, b]
+            size += unforeseen[i] ** 2
+            length += way[i, b] ** 2
+            share += (way[i, b] / limits[i]) ** 2
+        if share > SHORT**2 and abs(along) > CLEAR * np.sqrt(size * length):  # which NaN is not
+            for i in range(q):
+                for k in range(q):
+                    curvature[i, k, b] += unforeseen[i] * unforeseen[k] / along

@@ -18,6 +18,7 @@ from swimmer_mj.learning.networks.batched import BLOCK
 from swimmer_mj.learning.networks.networks import Cascade, ValueNetwork
 from swimmer_mj.learning.problems.differentiable import transition, transition_pullback
 from swimmer_mj.learning.problems.forms import CoordinatesForm
+from swimmer_mj.learning.problems.held import Memory
 from swimmer_mj.learning.problems.problem import ControlProblem
 from swimmer_mj.learning.value_gradient.equations import huber, targets, value_and_gradient_loss
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
@@ -124,14 +125,14 @@ class _TorchEngine(TorchActor):
         self.load(weights)
         state = torch.tensor(x, device=self.device)
         flip = torch.tensor(flips, device=self.device)
-        states, controls, values, slopes = [], [], [], []
+        states, controls, values, slopes, memory = [], [], [], [], Memory()
         for t in range(len(flip) + 1):
             V, dVdx = self.value_and_slope(state)
             states.append(state)
             values.append(V.detach().double())
             slopes.append(dVdx.double())
             if t < len(flip):
-                controls.append(self.greedy(state, slopes[-1], dt) * flip[t])
+                controls.append(self.greedy(state, slopes[-1], dt, memory) * flip[t])
                 state = transition(form, state, controls[-1], dt)
         z = torch.stack([self.problem.inputs(x) for x in states]).transpose(1, 2).cpu().numpy()
         instead = stand_ins(z, self.bounds)
@@ -207,11 +208,13 @@ class _CompiledEngine(BatchActor):
         flip = np.ascontiguousarray(flips.transpose(0, 2, 1))
         X, U = np.empty((T + 1, p, N)), np.empty((T, q, N))
         z, V, dVdx = np.empty((T + 1, m, N), self.real), np.empty((T + 1, N)), np.empty((T + 1, p, N))
-        X[0], slope_at = x.T, self.slope_at(weights)
+        X[0], slope_at, memory = x.T, self.slope_at(weights), Memory()
         for t in range(T + 1):
             self.judge(weights, X[t], z[t], V[t], dVdx[t])
             if t < T:
-                self.form.greedy_step(slope_at, X[t], dVdx[t], flip[t], settings.dt, U[t], X[t + 1])
+                self.form.greedy_step(
+                    slope_at, X[t], dVdx[t], flip[t], settings.dt, U[t], X[t + 1], memory=memory
+                )
         instead = stand_ins(z, self.bounds)
         wild = instead != np.arange(N)
         if wild.any():

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.learning.problems.held import Slope, held_control
+from swimmer_mj.learning.problems.held import Memory, Slope, held_control
 from swimmer_mj.learning.problems.mujoco import costates, kernel
 from swimmer_mj.learning.problems.mujoco.coordinates import Coordinates
 from swimmer_mj.learning.problems.mujoco.kernel import Actuation, Readings, Simulation
@@ -180,9 +180,20 @@ class MujocoBatch:
         return u
 
     def greedy_step(
-        self, slope_at: Slope, x: Array, dVdx: Array, flips: Array, dt: float, u: Array, y: Array
+        self,
+        slope_at: Slope,
+        x: Array,
+        dVdx: Array,
+        flips: Array,
+        dt: float,
+        u: Array,
+        y: Array,
+        memory: Memory | None = None,
     ) -> None:
-        """Greedy u (q, N) times ``flips``, and y (p, N) after a learner's step if dt > 0; y may be x."""
+        """Greedy u (q, N) times ``flips``, and y (p, N) after a learner's step if dt > 0; y may be x.
+
+        The ``memory`` is left alone: beside the model's steps V's slopes cost little.
+        """
         if dt == 0:
             u[:] = flips * self._chosen(slope_at, x, dVdx, self._control_timestep)
             return

@@ -34,7 +34,7 @@ from swimmer_mj.learning.problems.forms import (
     HoldForm,
     Policy,
 )
-from swimmer_mj.learning.problems.held import Slope
+from swimmer_mj.learning.problems.held import Memory, Slope
 from swimmer_mj.learning.problems.mujoco import heading
 from swimmer_mj.learning.problems.mujoco.actuation import actuation
 from swimmer_mj.learning.problems.mujoco.batched import MujocoBatch, Rate
@@ -246,8 +246,10 @@ class MujocoProblem:
         """x (count, p) of MuJoCo's coordinates."""
         return states(self.layout.coordinates, self.state_size, starts)
 
-    def _choose(self, slope_at: Slope, x: Array, duration: float | None) -> Array:
-        """Greedy u (..., q) at x (..., p), held for ``duration``, by default a control timestep."""
+    def _choose(
+        self, slope_at: Slope, x: Array, duration: float | None, memory: Memory | None = None
+    ) -> Array:
+        """Greedy u (..., q) at x (..., p), held for ``duration``, by default a control timestep; no ``memory``."""
         x = np.asarray(x, dtype=np.float64)
         flat = np.ascontiguousarray(x.reshape(-1, self.state_size).T)
         return self._single.control(slope_at, flat, duration).T.reshape(*x.shape[:-1], -1)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.compiled.vectors import LANES
 from swimmer_mj.learning.problems.forms import BatchForm, Encoding, HoldForm
-from swimmer_mj.learning.problems.held import Slope, held_control
+from swimmer_mj.learning.problems.held import Memory, Slope, held_control
 from swimmer_mj.learning.problems.problem import DT
 from swimmer_mj.learning.problems.swim import joints
 from swimmer_mj.learning.problems.swim.batched_costates import targets
@@ -38,17 +38,21 @@ class _Held:
         self.ws, self.constants = workspace(n), reduced_constants(problem.parameters)
         self.limits = problem.control_limits
 
-    def control(self, slope_at: Slope, x: Array, duration: float) -> Array:
+    def control(self, slope_at: Slope, x: Array, duration: float, memory: Memory | None) -> Array:
         """u (q, N) at x (p, N), N a multiple of LANES."""
         coast, gain = np.empty_like(x), np.empty((self.limits.size, *x.shape))
         responses(self.ws, self.constants, x, duration, coast, gain)
-        return held_control(slope_at, coast, gain, self.limits, np.zeros((self.limits.size, x.shape[1])))
+        price = np.zeros((self.limits.size, x.shape[1]))
+        return held_control(slope_at, coast, gain, self.limits, price, memory)
 
-    def choose(self, slope_at: Slope, x: Array, duration: float | None) -> Array:
+    def choose(
+        self, slope_at: Slope, x: Array, duration: float | None, memory: Memory | None = None
+    ) -> Array:
         """u (..., q) at x (..., p)."""
         flat = x.reshape(-1, x.shape[-1])
         rows = np.concatenate([flat, np.repeat(flat[-1:], -len(flat) % LANES, axis=0)])
-        u = self.control(slope_at, np.ascontiguousarray(rows.T), DT if duration is None else duration)
+        hold = DT if duration is None else duration
+        u = self.control(slope_at, np.ascontiguousarray(rows.T), hold, memory)
         return u[:, : len(flat)].T.reshape(*x.shape[:-1], -1)
 
     def advance(
@@ -61,9 +65,10 @@ class _Held:
         dt: float,
         u: Array,
         y: Array,
+        memory: Memory | None = None,
     ) -> None:
         """A step by :func:`step` or :func:`rk4`, as a BatchForm's; ``dVdx`` is not asked for."""
-        u[:] = flips * self.control(slope_at, x, dt or DT)
+        u[:] = flips * self.control(slope_at, x, dt or DT, memory)
         if dt > 0:
             move(self.ws, self.constants, x, u, dt, y)
 
@@ -91,8 +96,10 @@ def make(problem: Swimming) -> BatchForm | None:
         by_hold = _Held(problem)
         euler, exact = partial(by_hold.advance, step), partial(by_hold.advance, rk4)
     else:
-        euler = lambda slope_at, *rest: greedy_step(ws, constants, limits, *rest)  # noqa: E731
-        exact = lambda slope_at, *rest: greedy_rk4(ws, constants, limits, *rest)  # noqa: E731
+        euler, exact = (
+            lambda slope_at, *rest, memory=None, move=move: move(ws, constants, limits, *rest)
+            for move in (greedy_step, greedy_rk4)
+        )
     return BatchForm(
         encoding, euler, exact, partial(targets, ws, constants), lambda x, u: x[..., 2 * n, :], coordinates
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from swimmer_mj.learning.problems.held import held_control, share_of_way
+from swimmer_mj.learning.problems.held import Memory, held_control, share_of_way
 
 
 def bowl(minimum, curvature):
@@ -117,3 +117,123 @@ def test_a_state_that_has_run_away_says_nothing_and_harms_no_other():
     coast, gain = np.array([[-0.3, np.inf, np.nan]]), np.ones((1, 1, 3))
     u = held_control(bowl(np.zeros(1), np.ones(1)), coast, gain, np.ones(1), np.zeros((1, 3)))
     assert abs(u[0, 0] - 0.3) < 1e-12
+
+
+def counted(slope):
+    """The slope, and how often it was asked for."""
+    calls = []
+
+    def ask(x):
+        calls.append(x.shape)
+        return slope(x)
+
+    return ask, calls
+
+
+@pytest.mark.parametrize("q", [1, 3])
+def test_along_a_trajectory_two_slopes_do(q):
+    """A quadratic V whose top moves: what is chosen from memory ends as high as what is chosen from nothing."""
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(q, q))
+    bowl_at, gain = root @ root.T + np.eye(q), np.tile(np.eye(q)[:, :, None], 200)
+    start, way = rng.normal(size=(2, q, 200))
+    memory, price = Memory(), np.zeros((q, 200))
+    slope, calls = counted(lambda x: -bowl_at @ x)
+    short = lost = 0.0
+    for t in range(30):
+        coast = start + 0.03 * t * way
+        calls.clear()
+        u = held_control(slope, coast, gain, np.ones(q), price, memory)
+        assert len(calls) == (2 if t else 2 * q + 4)
+        assert (np.abs(u) <= 1).all()
+        afresh = held_control(slope, coast, gain, np.ones(q), price)
+        heights = [-np.einsum("in,ij,jn->n", y, bowl_at, y) / 2 for y in (coast, coast + u, coast + afresh)]
+        short += (heights[2] - heights[1]).sum()
+        lost += (heights[2] - heights[0]).sum()
+    assert short < 0.001 * lost
+
+
+def test_a_memory_learns_the_curvature():
+    """V = -y^2 (1 + k) / 2 with k of the second choice on: the third is exact again, and the memory knows 1 + k."""
+    coast, gain, memory = np.array([[-0.3, 0.2]]), np.ones((1, 1, 2)), Memory()
+    for k in (0.0, 3.0, 3.0):
+        slope = bowl(np.zeros(1), np.array([1.0 + k]))
+        u = held_control(slope, coast, gain, np.ones(1), np.zeros((1, 2)), memory)
+        coast = coast + 0.1
+    np.testing.assert_allclose(u, -(coast - 0.1), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(memory.curvature, np.full((1, 1, 2), -4.0), rtol=1e-12)
+
+
+def test_what_was_chosen_is_left_where_the_other_limit_becomes_better():
+    """V = y^2 / 2, no top: from 0.5 to -0.5 the better limit changes sides, though V rises towards either."""
+    memory, gain, price = Memory(), np.ones((1, 1, 1)), np.zeros((1, 1))
+    for coast, wanted in ((0.5, 1.0), (0.1, 1.0), (-0.1, -1.0), (-0.5, -1.0)):
+        u = held_control(lambda x: x, np.full((1, 1), coast), gain, np.ones(1), price, memory)
+        assert u[0, 0] == wanted
+
+
+def test_trajectories_do_not_share_what_they_remember():
+    """One that has run away, and what another was, change nothing for the third."""
+    rng = np.random.default_rng(6)
+    coast, gain = rng.normal(size=(5, 2, 3)), np.tile(np.eye(2)[:, :, None], 3)
+    slope = bowl(np.zeros(2), np.array([1.0, 3.0]))
+    alone, together = Memory(), Memory()
+    for t in range(5):
+        others = coast[t].copy()
+        others[:, 1] = np.nan
+        u = held_control(slope, others, gain, np.ones(2), np.zeros((2, 3)), together)
+        one = held_control(slope, coast[t][:, 2:], gain[..., 2:], np.ones(2), np.zeros((2, 1)), alone)
+        np.testing.assert_allclose(u[:, 2:], one, rtol=0, atol=1e-9)
+
+
+def test_a_choice_begins_at_the_one_before_and_climbs_from_it():
+    """V = -sum y^4 / 4 at one state again and again: slopes are asked for at what was chosen, and V never falls."""
+    rng = np.random.default_rng(7)
+    coast, gain, memory = 0.6 * rng.normal(size=(2, 300)), np.tile(np.eye(2)[:, :, None], 300), Memory()
+    asked = []
+
+    def slope(x):
+        asked.append(x.copy())
+        return -(x**3)
+
+    heights = []
+    for _ in range(6):
+        asked.clear()
+        before = memory.u
+        u = held_control(slope, coast, gain, np.ones(2), np.zeros((2, 300)), memory)
+        if before is not None:
+            np.testing.assert_allclose(asked[0], coast + before, rtol=0, atol=1e-12)
+        heights.append(-((coast + u) ** 4).sum(axis=0) / 4)
+    rises = np.diff(heights, axis=0)
+    assert rises.min() > -1e-6
+    assert rises.max() > 1e-5
+
+
+def test_rounding_teaches_a_memory_nothing():
+    rng = np.random.default_rng(8)
+    coast, gain, memory = rng.uniform(-0.5, 0.5, (2, 200)), np.tile(np.eye(2)[:, :, None], 200), Memory()
+    for _ in range(20):
+        held_control(
+            lambda x: -x + 1e-9 * rng.normal(size=x.shape),
+            coast,
+            gain,
+            np.ones(2),
+            np.zeros((2, 200)),
+            memory,
+        )
+    np.testing.assert_allclose(memory.curvature, np.tile(-np.eye(2)[:, :, None], 200), rtol=0, atol=1e-3)
+
+
+def test_the_way_from_the_choice_before_is_not_gone_over_the_top():
+    """V = -log cosh(8 y) / 8, whose slope hardly changes but at its top: where it has moved on the curvature misleads."""
+    rng = np.random.default_rng(9)
+    gain, price, memory = np.ones((1, 1, 300)), np.zeros((1, 300)), Memory()
+    start, way = 0.6 * rng.normal(size=(2, 1, 300))
+    lost = 0.0
+    for t in range(20):
+        coast = start + 0.05 * t * way
+        u = held_control(lambda x: -np.tanh(8 * x), coast, gain, np.ones(1), price, memory)
+        best = np.clip(-coast, -1, 1)
+        height = [np.log(np.cosh(8 * (coast + v))).mean() / 8 for v in (u, best, 0 * u)]
+        lost += (height[0] - height[1]) / (height[2] - height[1]) / 20
+    assert lost < 0.03
