@@ -225,7 +225,7 @@ def test_rounding_teaches_a_memory_nothing():
 
 
 def test_the_way_from_the_choice_before_is_not_gone_over_the_top():
-    """V = -log cosh(8 y) / 8, whose slope hardly changes but at its top: where it has moved on the curvature misleads."""
+    """V = -log cosh(8 y) / 8, whose slope changes at its top alone: what the curvature says is mostly too much."""
     rng = np.random.default_rng(9)
     gain, price, memory = np.ones((1, 1, 300)), np.zeros((1, 300)), Memory()
     start, way = 0.6 * rng.normal(size=(2, 1, 300))
