@@ -45,8 +45,10 @@ VARIANTS: dict[str, tuple[dict[str, Any], float | None]] = {
     "joints, held": ({"coordinates": "joints", "held": True}, None),
     "state, instant, Huber": ({}, 1.0),
     "joints, held, Huber": ({"coordinates": "joints", "held": True}, 1.0),
+    "joints, held, Huber, from the one before": ({"coordinates": "joints", "held": True}, 1.0),
 }
-"""Options of the problem, and ``huber``."""
+"""Options of the problem, and ``huber``. All rows but the last one's are of before torques were found from the ones
+before them, by two slopes of V in place of twelve; where they are not held that is no difference."""
 
 
 def learn(name: str, seed: int, seconds: float, console: Console) -> list[Row]:
