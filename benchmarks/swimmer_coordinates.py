@@ -36,7 +36,7 @@ from swimmer_mj.learning.problems.swim.environment import (
 from swimmer_mj.learning.value_gradient.method import ValueGradients
 
 OUT = Path(__file__).parent / "results" / "swimmer-coordinates.csv"
-LOOKS = (5.0, 10.0, 20.0, 40.0, 60.0, 80.0, 100.0, 120.0)
+LOOKS = (2.5, 5.0, 10.0, 20.0, 40.0, 60.0, 80.0, 100.0, 120.0)
 COLUMNS = ("name", "seed", "links", "cpu_seconds", "simulation_steps", "speed", "steady_speed")
 VARIANTS: dict[str, tuple[dict[str, Any], float | None]] = {
     "state, instant": ({}, None),
