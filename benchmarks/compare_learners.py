@@ -33,6 +33,7 @@ RESULTS = tuple(ROOT / "benchmarks" / "results" / name for name in ("own-learner
 PLOT = ROOT / "docs" / "images" / "learners.png"
 NAMES = {
     "value-gradient": "value gradients",
+    "value-gradient-joints": "value gradients, joints",
     "td": r"TD($\lambda$), $\eta$ = 0.16",
     "ppo": "PPO",
     "sac": "SAC",

@@ -75,6 +75,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "run-cost": tables.run_cost,
     "model-peers": partial(tournament_results.finals, tournament_results.MINUTE),
     "model-peers-tuning": partial(tournament_results.tuning, tournament_results.MINUTE),
+    "tournament-final": tournament_results.finals,
     "tournament-tuning": tournament_results.tuning,
     "planners": tables.planners,
     "platforms": tables.platforms,

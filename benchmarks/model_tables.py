@@ -221,7 +221,8 @@ def _by_time(
         values = np.array([number(row) for row in mine])
         seconds = np.mean([float(row["cpu_seconds"]) for row in mine])
         worst = f"{values.min():{digits}}"
-        table.append((who, str(len(mine)), f"{seconds:.0f}", mean_and_interval_text(values, digits), worst))
+        spent = f"{seconds:.0f}" if seconds >= 4.5 else f"{seconds:.1f}"
+        table.append((who, str(len(mine)), spent, mean_and_interval_text(values, digits), worst))
     return Summary("", head, table)
 
 

@@ -2,8 +2,9 @@
 
     python benchmarks/own_learners.py
 
-adds to benchmarks/results/own-learners.csv, a row an evaluation: value gradients (docs/beyond.md) and the paper's
-TD(lambda), with the settings that ``swimmer-mj train`` has for them, each learner on one core. What is there already is
+adds to benchmarks/results/own-learners.csv, a row an evaluation: value gradients (docs/beyond.md), also those of joints
+and torques to be held, and the paper's TD(lambda), with the settings that ``swimmer-mj train`` has for them, each
+learner on one core. What is there already is
 not done again; compilation is not counted. ``compare_learners.py`` makes the table and the plot. Needs the extra
 ``gymnasium``.
 """
@@ -27,14 +28,16 @@ from swimmer_mj.learning.problems.swim.environment import SwimmingSpeed
 from swimmer_mj.learning.td import method as td
 from swimmer_mj.learning.td.fused import FusedTD
 from swimmer_mj.learning.value_gradient import method as value_gradients
+from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
 from swimmer_mj.parameters import PAPER
 
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "own-learners.csv"
-SECONDS = {"value-gradient": 90.0, "td": 200.0}
-FIRST_LOOK = {"value-gradient": 1.0, "td": 10.0}  # s
-GROWTH = 1.15  # of the time from look to look
+SECONDS = {"value-gradient": 90.0, "value-gradient-joints": 60.0, "td": 200.0}
+FIRST_LOOK = {"value-gradient": 1.0, "value-gradient-joints": 1.0, "td": 10.0}  # s
+GROWTH = {"value-gradient": 1.15, "value-gradient-joints": 1.3, "td": 1.15}  # of the time from look to look
 TRIALS = 20  # of TD(lambda) between looks at the clock
 
+Name = Literal["value-gradient", "value-gradient-joints", "td"]
 Array = NDArray[np.float64]
 
 
@@ -56,7 +59,7 @@ class Learner(Protocol):
 
 
 class ValueGradients:
-    """``swimmer-mj train --method value-gradient``."""
+    """``swimmer-mj train --method value-gradient --set huber=null``."""
 
     def __init__(self, seed: int) -> None:
         self.learner = value_gradients.ValueGradients().start(Swimming(s_gamma=0.5), seed).learner
@@ -73,6 +76,15 @@ class ValueGradients:
     def policy(self) -> Callable[[Array], Array]:
         """By the averaged weights."""
         return self.learner.control
+
+
+class WithJoints(ValueGradients):
+    """``swimmer-mj train --method value-gradient --coordinates joints --held``."""
+
+    def __init__(self, seed: int) -> None:
+        problem = Swimming(s_gamma=0.5, coordinates="joints", held=True)
+        settings = ValueGradientSettings(**problem.advice)
+        self.learner = value_gradients.ValueGradients(settings).start(problem, seed).learner
 
 
 class TemporalDifferences:
@@ -97,8 +109,9 @@ class TemporalDifferences:
         return lambda states: actor.control(weights, states)
 
 
-LEARNERS: dict[str, type[ValueGradients] | type[TemporalDifferences]] = {
+LEARNERS: dict[str, type[ValueGradients | TemporalDifferences]] = {
     "value-gradient": ValueGradients,
+    "value-gradient-joints": WithJoints,
     "td": TemporalDifferences,
 }
 
@@ -120,13 +133,13 @@ def run(name: str, seed: int, seconds: float) -> list[Row]:
             speed = speed_of(learner.policy())
             rows.append(row(name, seed, clock, learner.simulation_steps, speed))
             Console().print(*rows[-1])
-            look *= GROWTH
+            look *= GROWTH[name]
             clock.start()
     return rows
 
 
 def main(
-    algorithms: Sequence[Literal["value-gradient", "td"]] = ("value-gradient", "td"),
+    algorithms: Sequence[Name] = ("value-gradient", "value-gradient-joints", "td"),
     seeds: Sequence[int] = tuple(range(10)),
     seconds: float | None = None,
     out: Path = OUT,
@@ -136,7 +149,7 @@ def main(
     Args:
         algorithms: Which.
         seeds: Of networks and initial states.
-        seconds: Processor time of each; by default 90 for value gradients, 200 for TD(lambda).
+        seconds: Processor time of each; by default 90 for value gradients, 60 with joints, 200 for TD(lambda).
         out: CSV to append rows to, those of a learner when it is done.
     """
     torch.set_num_threads(1)

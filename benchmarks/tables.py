@@ -64,7 +64,7 @@ def learners() -> Summary:
         equal = [within(curve, budget(curves)) for curve in curves]
         best = mean_and_interval_text(np.array([curve.speed.max() for curve in equal]))
         times = (time_words(equal, speed) for speed in compare_learners.SPEEDS)
-        label = {"value-gradient": "value gradients", "td": "TD(λ), η = 0.16"}.get(name, name.upper())
+        label = "TD(λ), η = 0.16" if name == "td" else compare_learners.NAMES[name]
         rows.append((label, str(len(curves)), f"{budget(curves):.0f}", *times, best))
     speeds = (f"{speed} m/s" for speed in compare_learners.SPEEDS)
     return Summary("", ("learner", "seeds", "seconds for each", *speeds, "best, m/s"), rows)

@@ -59,5 +59,5 @@ def test_results_are_in_the_repository_wherever_one_stands(path):
 
 def test_the_results_are_those_of_ten_seeds_of_each_learner():
     curves = compare.read(compare.RESULTS)
-    seeds = dict.fromkeys(("value-gradient", "td", "ppo", "sac", "td3"), 10)
+    seeds = dict.fromkeys(("value-gradient", "value-gradient-joints", "td", "ppo", "sac", "td3"), 10)
     assert {name: len(of_name) for name, of_name in curves.items()} == seeds
