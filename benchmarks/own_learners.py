@@ -4,9 +4,8 @@
 
 adds to benchmarks/results/own-learners.csv, a row an evaluation: value gradients (docs/beyond.md), also those of joints
 and torques to be held, and the paper's TD(lambda), with the settings that ``swimmer-mj train`` has for them, each
-learner on one core. What is there already is
-not done again; compilation is not counted. ``compare_learners.py`` makes the table and the plot. Needs the extra
-``gymnasium``.
+learner on one core. What is there already is not done again; compilation is not counted. ``compare_learners.py`` makes
+the table and the plot. Needs the extra ``gymnasium``.
 """
 
 from __future__ import annotations

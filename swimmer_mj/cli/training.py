@@ -87,7 +87,7 @@ def train(
         reward: Of a MuJoCo model: module:function, a torch function of named things.
         physics: Step the equations themselves (the default), or the dm_control environment on MuJoCo (slower).
         coordinates: Of the swimmer, in which V is learned: absolute angles and the centre's velocity (the default), or
-            angles between links and the head's velocity, which with --held swims faster in the end (docs/beyond.md).
+            angles between links and the head's velocity, which with --held swims faster (docs/beyond.md).
         held: Choose the swimmer's torques for the 10 ms for which they are held, not for the instant.
         engine: Of td: one compiled learner at a time (fused), up to 16 of them in the lanes of a processor's vectors
             (population), or the readable reference (torch, slow). Of value-gradient: compiled or torch. The fastest

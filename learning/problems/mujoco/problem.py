@@ -74,7 +74,8 @@ class MujocoProblem:
     name : str
         What to call it.
     draw : callable, optional
-        The law of initial states; :func:`~swimmer_mj.learning.problems.mujoco.starts.anywhere` by default.
+        The law of initial states. By default angles that turn freely are anywhere, limited joints anywhere in their
+        range, other positions within 1 of those of the model, velocities within 1.
     s_gamma : float
         Shortness factor, 1/s.
     control_timestep : float, optional

@@ -53,11 +53,7 @@ def load_model(source: Any) -> Any:
 
 
 def anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
-    """The default law.
-
-    Angles that turn freely are anywhere, limited joints anywhere in their range, other positions within 1 of those of
-    the model, velocities within 1.
-    """
+    """The law of initial states where no other is given: :class:`MujocoProblem` says which."""
     qpos = np.tile(model.qpos0, (count, 1))
     for j in range(model.njnt):
         at, kind = model.jnt_qposadr[j], mujoco.mjtJoint(int(model.jnt_type[j]))
