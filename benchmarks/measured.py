@@ -66,9 +66,10 @@ def learning() -> list[Row]:
             f"{time_words(ours, 1.5)}; {time_words(ours, 2.0)}",
             LEARNERS,
         ),
-        ("value gradients, ten seeds: best speed in 90 s, m/s", best, "the same"),
+        (f"value gradients, ten seeds: best speed in {budget(ours):.0f} s, m/s", best, "the same"),
         (
-            "the same with `--coordinates joints --held`: seconds to 2.0 m/s; to 2.4 m/s; best speed in 60 s",
+            "the same with `--coordinates joints --held`: seconds to 2.0 m/s; to 2.4 m/s; best speed in "
+            f"{budget(joints):.0f} s",
             f"{time_words(joints, 2.0)}; {time_words(joints, 2.4)}; {best_with_joints}",
             LEARNERS,
         ),
