@@ -27,8 +27,6 @@ from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments.summaries import Summary
 from swimmer_mj.render.figures import COLORS, plain_axes, save_figure
 
-MINUTE = OUT.with_name("model-peers.csv")
-"""An earlier one, of four settings for 45 s and a final of a minute."""
 PLOT = Path(__file__).parents[1] / "docs" / "images" / "tournament.png"
 SPEEDS = (1.0, 1.5, 2.0, 2.4)  # m/s
 AXES = {
