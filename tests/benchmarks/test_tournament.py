@@ -262,6 +262,16 @@ def test_ours_beside_the_soonest_peer(log):
     assert rows[2][3:] == ("no peer got there", "")
 
 
+def test_of_the_peers_whose_time_is_known_the_soonest_counts(log):
+    for name, looks, time in ("td3", [0.1, 0.2, 0.8, 1.1], 4), ("apg", [0.1, 0.9, 1.0, 1.1], 3):
+        with log.open("a", newline="") as file:
+            writer = csv.DictWriter(file, tournament.COLUMNS)
+            rows = looks_at(name, 0, looks, "final", "0", "4")
+            writer.writerows(row | {"version": "0", "wall_seconds": row["cpu_seconds"]} for row in rows)
+        beside = tournament_results.against_the_fastest(log).rows[0][3]
+        assert beside == f"{tournament_results.NAMES[name]}: median {time} s, 1 of 1"
+
+
 def test_the_share_that_is_there(log):
     spent, share = tournament_results.share_there(
         tournament_results.finalists(log)["ours"], 2.4, "cpu_seconds"
