@@ -124,13 +124,13 @@ def any_model_variants() -> Summary:
 
 
 def own_models() -> Summary:
-    """Share of episodes that end at the goal, by model and processor time; mean over seeds, and the worst."""
-    return _by_time(
-        _rows("own-models.csv"),
-        "model",
-        lambda row: 100 * float(row["at_the_goal_share"]),
-        ("model", "seeds", "seconds of a core", "episodes that end at the goal, %", "worst seed"),
-    )
+    """By model and processor time: share of episodes that end at the goal, mean over seeds and the worst; distance."""
+    rows = _rows("own-models.csv")
+    head = ("model", "seeds", "seconds of a core", "episodes that end at the goal, %", "worst seed")
+    share = _by_time(rows, "model", lambda row: 100 * float(row["at_the_goal_share"]), head)
+    away = _by_time(rows, "model", lambda row: float(row["distance_mean"]), head, ".2f")
+    both = [(*row, other[3]) for row, other in zip(share.rows, away.rows, strict=True)]
+    return Summary("", (*head, "from the goal in the last second, m"), both)
 
 
 def swimmer_as_mjcf() -> Summary:

@@ -203,12 +203,20 @@ _SWIMMER = Task(
     advice={"s_lambda": 1.0, "value_weight": 1.0},
 )
 
+_SEVERAL_POLES = Task(
+    _cartpole,
+    _cartpole_cost,
+    draw=_cart_anywhere,
+    s_gamma=0.3,
+    advice={"dt": 0.005, "steps": 60, "trajectories": 128},  # they whirl
+)
+
 TASKS: dict[str, Task] = {
     "pendulum/swingup": Task(_pendulum, learned=_upright, s_gamma=0.2),
     "cartpole/balance": Task(_cartpole, _cartpole_cost, draw=_cart_upright),
     "cartpole/swingup": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere, s_gamma=0.3),
-    "cartpole/two_poles": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere, s_gamma=0.3),
-    "cartpole/three_poles": Task(_cartpole, _cartpole_cost, draw=_cart_anywhere, s_gamma=0.3),
+    "cartpole/two_poles": _SEVERAL_POLES,
+    "cartpole/three_poles": _SEVERAL_POLES,
     "point_mass/easy": Task(_point_mass, _point_mass_cost, _point_mass_learned),
     "reacher/easy": Task(_reacher(0.05), learned=_reacher_learned(0.05), draw=_reach_anywhere, goal=_target),
     "reacher/hard": Task(
