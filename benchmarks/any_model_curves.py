@@ -120,6 +120,8 @@ def draw(found: Mapping[str, Mapping[str, Sequence[Curve]]], quantity: Quantity)
         _draw_task(axes, task, learners, quantity)
     for axes in grid[len(found) :]:
         axes.axis("off")
+    for axes in grid[max(0, len(found) - COLUMNS) : len(found)]:  # the lowest of each column
+        axes.tick_params(labelbottom=True)
     handles = [
         Line2D([], [], color=color, linestyle=style, linewidth=1.8, label=NAMES[name])
         for (name, style), color in zip(STYLES.items(), COLORS, strict=False)
