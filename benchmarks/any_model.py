@@ -6,8 +6,9 @@ adds to benchmarks/results/any-model.csv, a row a look: value gradients with the
 --method value-gradient --problem TASK`` has, one learner on one core, judged by the return of ten episodes of the
 unmodified environment. The weights of the best look are what a run keeps; the last row of a seed, "best", has their
 return in thirty other episodes. Of swimmers, whose return depends most on where the target falls, it is twenty and two
-hundred; of the double pendulum, which falls in one episode of many, fifty and thirty. A seed that is there already is not learned again; compilation and looks are not counted. Needs the extra
-``gymnasium``. The seeds from 100 on were used for nothing else.
+hundred; of the double pendulum, which falls in one episode of many, fifty and thirty. A seed that is there already is
+not learned again; compilation and looks are not counted. Needs the extra ``gymnasium``. The seeds from 100 on were used
+for nothing else.
 """
 
 from __future__ import annotations

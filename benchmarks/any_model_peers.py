@@ -5,8 +5,8 @@
 adds to benchmarks/results/any-model-peers.csv, a row a look, as any_model.py does. Settings are those of RL Zoo
 (hyperparams/ppo.yml and sac.yml of DLR-RM/rl-baselines3-zoo): a task's own where it has some, on an older version of
 the task; for all others what it has for MuJoCo tasks in general. The clock is the processor time of one core, looks not
-counted. Judged by the return of ten episodes. What is there already is not learned again. Needs the extra ``peers``,
-and shimmy for tasks of dm_control. ``any_model_curves.py`` draws both.
+counted. Judged by the episodes of any_model.py's looks. What is there already is not learned again. Needs the extra
+``peers``, and shimmy for tasks of dm_control. ``any_model_curves.py`` draws both.
 """
 
 from __future__ import annotations
