@@ -13,3 +13,16 @@ def test_who_ends_below_its_best_is_counted():
     ]
     rows += [{"task": "a", "seed": "1", "look": "best", "return_mean": "1.0"}]
     assert model_tables.fell_back(rows) == {"a": 1, "b": 1}
+
+
+def test_a_models_distance_stands_beside_its_share(monkeypatch, tmp_path):
+    monkeypatch.setattr(model_tables, "RESULTS", tmp_path)
+    (tmp_path / "own-models.csv").write_text(
+        "model,seed,cpu_seconds,at_the_goal_share,distance_mean,distance_max\n"
+        "arm,0,5.0,0.0,0.4,1.0\narm,0,9.0,1.0,0.02,0.1\n"
+        "arm,1,5.1,0.5,0.6,1.0\narm,1,9.1,0.75,0.04,0.1\n"
+    )
+    table = model_tables.own_models()
+    assert len(table.header) == len(table.rows[0])
+    assert [(row[1], row[2], row[4]) for row in table.rows] == [("2", "5", "0"), ("2", "9", "75")]
+    assert [row[5].split()[0] for row in table.rows] == ["0.50", "0.03"]
