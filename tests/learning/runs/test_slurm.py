@@ -20,9 +20,9 @@ from swimmer_mj.learning.runs.sweep import run_jobs
 
 FILE = """
 problem = "pendulum"
-trials = 1800
+trials = 9_000
 seeds = "0-1"
-evaluate_every = 300
+evaluate_every = 500
 
 [set]
 neurons = 6
@@ -108,7 +108,7 @@ def test_an_array_that_is_interrupted_and_requeued_computes_what_one_machine_com
     assert "submit" not in report
     assert queue.requeued.read_text() == "requeue 100_1\n"
     with open(out / "sweep.csv", newline="") as text:
-        assert [(row["trials"], row["state"]) for row in csv.DictReader(text)] == [("1800", "done")] * 4
+        assert [(row["trials"], row["state"]) for row in csv.DictReader(text)] == [("9000", "done")] * 4
 
     run_jobs(jobs, tmp_path / "local", trials)
     for each in jobs:
