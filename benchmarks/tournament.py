@@ -2,12 +2,14 @@
 
     python benchmarks/tournament.py tune   # some settings of each around the best known, on seeds of their own
     python benchmarks/tournament.py final  # the best of them, on fresh seeds
+    python benchmarks/tournament.py start  # their first half minute once more, looked at more closely
 
-Both add rows to benchmarks/results/tournament.csv, one for each look at a learner; what is there already is
+All add rows to benchmarks/results/tournament.csv, one for each look at a learner; what is there already is
 not done again. SHAC, APG and cFVI run on the compiled equations that value gradients use, PPO, SAC and TD3 of
 Stable-Baselines3 (extra ``peers``) on MuJoCo. The clock is the processor time of one core, evaluation not counted: the
 same for all, as is the number of settings that are tried. The first setting is the best known, the others are drawn
-around it; the one that swims fastest in the last window, the second half of its time, goes into the final.
+around it; the one that swims fastest in the last window, the second half of its time, goes into the final. A look of
+the final is 40 % later than the one before, one of the start 10 %: the same seeds learn the same there.
 ``ours-torch`` is value gradients without compiled code, by the same settings. ``tournament_results.py`` draws what came
 of it.
 """
@@ -45,14 +47,30 @@ COLUMNS = (
     "stage", "algorithm", "sample", "settings", "seed", "version", "given", "cpu_seconds", "wall_seconds",
     "simulation_steps", "gradient_evaluations", "speed", "steady_speed",
 )  # fmt: skip
-Stage = Literal["tune", "final"]
+Stage = Literal["tune", "start", "final"]
 Name = Literal["ours", "ours-torch", "shac", "apg", "cfvi", "ppo", "sac", "td3"]
 TUNING_SEED = 1000
 """Seeds from here on are for tuning alone."""
 FINAL_SEEDS = tuple(range(300, 310))
 """Which no setting of any learner was chosen on."""
-FIRST_LOOK, GROWTH = 1.0, 1.4
-"""s; of the time from look to look."""
+
+
+class Looking(NamedTuple):
+    """When a learner is looked at."""
+
+    seconds: float
+    """Processor time that it has."""
+    first: float
+    """s."""
+    growth: float
+    """Of the time from look to look."""
+
+
+STAGES: Mapping[Stage, Looking] = {
+    "tune": Looking(240.0, 1.0, 1.4),
+    "start": Looking(30.0, 0.3, 1.1),
+    "final": Looking(600.0, 1.0, 1.4),
+}
 WINDOW = 0.5
 """The last window begins at this share of the time. There steady speeds are looked at too."""
 Array = NDArray[np.float64]
@@ -200,13 +218,14 @@ def speeds_of(policy: Callable[[Array], Array], hold: int, steady: bool) -> tupl
     return speed, more[0] if steady else ""
 
 
-def run(name: Name, settings: Mapping[str, Any], seed: int, seconds: float) -> list[tuple[Any, ...]]:
+def run(name: Name, settings: Mapping[str, Any], seed: int, looking: Looking) -> list[tuple[Any, ...]]:
     """Learn for so much processor time: rows from ``given`` on, one a look."""
+    seconds, look, growth = looking
     peer = PEERS[name]
     chosen = peer.settings(**settings)
     problem = Swimming(s_gamma=chosen.s_gamma)
     peer.make(problem, chosen, seed).learn()  # what is compiled, is compiled now
-    learner, rows, look = peer.make(problem, chosen, seed), [], FIRST_LOOK
+    learner, rows = peer.make(problem, chosen, seed), []
     clock = Clock()
     while clock.read()[0] < seconds:
         learner.learn()
@@ -215,8 +234,8 @@ def run(name: Name, settings: Mapping[str, Any], seed: int, seconds: float) -> l
             spent = clock.before
             speeds = speeds_of(learner.policy(), learner.hold, spent[0] >= WINDOW * seconds)
             counts = (learner.simulation_steps, learner.gradient_evaluations)
-            rows.append((f"{seconds:g}", *map("{:.1f}".format, spent), *counts, *speeds))
-            look *= GROWTH
+            rows.append((f"{seconds:g}", *map("{:.2f}".format, spent), *counts, *speeds))
+            look *= growth
             clock.start()
     Console().print(name, json.dumps(settings), "seed", seed, ":", *rows[-1])
     return rows
@@ -230,18 +249,18 @@ def main(
     seconds: float | None = None,
     out: Path = OUT,
 ) -> None:
-    """Tune, or run the final.
+    """Tune, or run the final or its start.
 
     Args:
         stage: Which.
         algorithms: Of whom.
         samples: Settings of each that are tried.
-        seeds: Of the final.
-        seconds: Processor time of each learner; by default 240 in the tuning, 600 in the final.
+        seeds: Of the final and its start.
+        seconds: Processor time of each learner; by default 240 in the tuning, 30 at the start, 600 in the final.
         out: CSV to append rows to, those of a learner when it is done.
     """
     torch.set_num_threads(1)
-    seconds = seconds or {"tune": 240.0, "final": 600.0}[stage]
+    looking = STAGES[stage] if seconds is None else STAGES[stage]._replace(seconds=seconds)
     for number in range(samples) if stage == "tune" else seeds:
         for name in algorithms:
             rows = read(out)
@@ -256,7 +275,7 @@ def main(
             key = (stage, name, str(sample), json.dumps(settings), str(seed))
             if any(tuple(row[column] for column in COLUMNS[:5]) == key for row in rows):
                 continue
-            looks = run(name, settings, seed, seconds)
+            looks = run(name, settings, seed, looking)
             with out.open("a", newline="", encoding="utf-8") as file:
                 csv.writer(file, lineterminator="\n").writerows((*key, __version__, *look) for look in looks)
             note_made(out)

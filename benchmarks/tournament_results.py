@@ -57,18 +57,19 @@ class Looks(NamedTuple):
 
 
 def finalists(out: Path = OUT) -> dict[str, list[Looks]]:
-    """The looks of the final, by learner, seed by seed."""
-    names = Looks._fields[:-1]
-    looks: dict[str, dict[str, list[tuple[float, ...]]]] = {}
+    """The looks of the final, by learner, seed by seed; those of its start, where there are, in place of its first."""
+    looks: dict[str, dict[tuple[str, str], list[Array]]] = {}
     for row in read(out):
-        if row["stage"] == "final":
-            look = tuple(float(row[name] or "nan") for name in Looks._fields)
-            looks.setdefault(row["algorithm"], {}).setdefault(row["seed"], []).append(look)
-    return {
-        name: [Looks(*np.array(one).T[: len(names)], one[0][-1]) for one in looks[name].values()]
-        for name in PEERS
-        if name in looks
-    }
+        look = np.array([float(row[name] or "nan") for name in Looks._fields])
+        looks.setdefault(row["stage"], {}).setdefault((row["algorithm"], row["seed"]), []).append(look)
+    final, starts = looks.get("final", {}), looks.get("start", {})
+    learners: dict[str, list[Looks]] = {}
+    for (name, seed), rows in final.items():
+        start = starts.get((name, seed), [])
+        further = [look for look in rows if not start or (look[:2] > start[-1][:2]).all()]
+        columns = np.array([*start, *further]).T
+        learners.setdefault(name, []).append(Looks(*columns[:-1], given=rows[0][-1]))
+    return {name: learners[name] for name in PEERS if name in learners}
 
 
 def tuning(out: Path = OUT) -> Summary:

@@ -197,7 +197,8 @@ def test_the_mean_of_the_last_window_decides():
 
 def test_a_log_is_gone_on_with_and_the_fastest_goes_into_the_final(tmp_path, monkeypatch):
     out = tmp_path / "log.csv"
-    monkeypatch.setattr(tournament, "FIRST_LOOK", 0.2)
+    for stage in ("tune", "start", "final"):
+        monkeypatch.setitem(tournament.STAGES, stage, tournament.STAGES[stage]._replace(first=0.2))
     monkeypatch.setattr(yardstick, "N_EPISODES", 2)
     monkeypatch.setattr(tournament, "SPEED", (0.5, 1.0))
     monkeypatch.setattr(tournament, "STEADY", (1.0, 2.0))
@@ -221,8 +222,19 @@ def test_a_log_is_gone_on_with_and_the_fastest_goes_into_the_final(tmp_path, mon
     assert {(row["seed"], row["settings"], row["version"]) for row in final} == {
         ("3", json.dumps(settings), swimmer_mj.__version__)
     }
+    for _ in range(2):
+        tournament.main("start", ("apg",), seeds=(3,), seconds=0.6, out=out)
+    start = [row for row in tournament.read(out) if row["stage"] == "start"]
+    assert len({row["simulation_steps"] for row in start}) == len(start) > len(final)
+    assert {(row["seed"], row["settings"]) for row in start} == {("3", json.dumps(settings))}
     with out.open() as file:
         assert next(csv.reader(file)) == list(tournament.COLUMNS)
+
+
+def append(log, rows):
+    with log.open("a", newline="") as file:
+        writer = csv.DictWriter(file, tournament.COLUMNS)
+        writer.writerows(row | {"version": "0", "wall_seconds": row["cpu_seconds"]} for row in rows)
 
 
 @pytest.fixture
@@ -236,11 +248,21 @@ def log(tmp_path):
         *looks_at("shac", 0, [0.2, 0.8, 0.9, 0.8], "final", "1", "4"),
         *looks_at("ppo", 0, [0.0, 0.1, 0.2, 0.3], "final", "0", "4"),
     ]
-    with out.open("w", newline="") as file:
-        writer = csv.DictWriter(file, tournament.COLUMNS)
-        writer.writeheader()
-        writer.writerows(row | {"version": "0", "wall_seconds": row["cpu_seconds"]} for row in rows)
+    out.write_text(",".join(tournament.COLUMNS) + "\n")
+    append(out, rows)
     return out
+
+
+def test_of_the_start_the_closer_looks_count(log):
+    """Up to their end; from there on those of the final, as far as they are further on in every sense."""
+    start = looks_at("shac", 0, [0.5, 0.9, 1.5], "start", "0", "1")
+    append(log, [row | {"cpu_seconds": str(float(row["cpu_seconds"]) * 0.75)} for row in start])
+    one, other = tournament_results.finalists(log)["shac"]
+    np.testing.assert_array_equal(one.cpu_seconds, [0.75, 1.5, 2.25, 4.0])  # at 3 s it had done no more
+    np.testing.assert_array_equal(one.speed, [0.5, 0.9, 1.5, 1.2])
+    np.testing.assert_array_equal(other.speed, [0.2, 0.8, 0.9, 0.8])
+    assert one.given == 4.0
+    assert tournament_results.finals(log).rows[1][3:5] == ("> 3.12 (1)", "> 3.12 (1)")
 
 
 def test_the_final_in_a_table(log):
@@ -264,10 +286,7 @@ def test_ours_beside_the_soonest_peer(log):
 
 def test_of_the_peers_whose_time_is_known_the_soonest_counts(log):
     for name, looks, time in ("td3", [0.1, 0.2, 0.8, 1.1], 4), ("apg", [0.1, 0.9, 1.0, 1.1], 3):
-        with log.open("a", newline="") as file:
-            writer = csv.DictWriter(file, tournament.COLUMNS)
-            rows = looks_at(name, 0, looks, "final", "0", "4")
-            writer.writerows(row | {"version": "0", "wall_seconds": row["cpu_seconds"]} for row in rows)
+        append(log, looks_at(name, 0, looks, "final", "0", "4"))
         beside = tournament_results.against_the_fastest(log).rows[0][3]
         assert beside == f"{tournament_results.NAMES[name]}: median {time} s, 1 of 1"
 
