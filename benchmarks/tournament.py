@@ -2,14 +2,14 @@
 
     python benchmarks/tournament.py tune   # some settings of each around the best known, on seeds of their own
     python benchmarks/tournament.py final  # the best of them, on fresh seeds
-    python benchmarks/tournament.py start  # their first half minute once more, looked at more closely
+    python benchmarks/tournament.py start  # their first ten seconds once more, looked at more closely
 
 All add rows to benchmarks/results/tournament.csv, one for each look at a learner; what is there already is
 not done again. SHAC, APG and cFVI run on the compiled equations that value gradients use, PPO, SAC and TD3 of
 Stable-Baselines3 (extra ``peers``) on MuJoCo. The clock is the processor time of one core, evaluation not counted: the
 same for all, as is the number of settings that are tried. The first setting is the best known, the others are drawn
 around it; the one that swims fastest in the last window, the second half of its time, goes into the final. A look of
-the final is 40 % later than the one before, one of the start 10 %: the same seeds learn the same there.
+the final is 40 % later than the one before, one of the start 20 %: the same seeds learn the same there.
 ``ours-torch`` is value gradients without compiled code, by the same settings. ``tournament_results.py`` draws what came
 of it.
 """
@@ -68,7 +68,7 @@ class Looking(NamedTuple):
 
 STAGES: Mapping[Stage, Looking] = {
     "tune": Looking(240.0, 1.0, 1.4),
-    "start": Looking(30.0, 0.3, 1.1),
+    "start": Looking(10.0, 0.3, 1.2),
     "final": Looking(600.0, 1.0, 1.4),
 }
 WINDOW = 0.5
@@ -256,7 +256,7 @@ def main(
         algorithms: Of whom.
         samples: Settings of each that are tried.
         seeds: Of the final and its start.
-        seconds: Processor time of each learner; by default 240 in the tuning, 30 at the start, 600 in the final.
+        seconds: Processor time of each learner; by default 240 in the tuning, 10 at the start, 600 in the final.
         out: CSV to append rows to, those of a learner when it is done.
     """
     torch.set_num_threads(1)
