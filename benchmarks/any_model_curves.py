@@ -4,7 +4,7 @@
 
 draws docs/images/any-model-time.png and docs/images/any-model-simulation.png from what any_model.py and
 any_model_peers.py wrote: the mean over seeds as far as all were looked at, each seed faint behind it, and the best
-published return, dotted.
+listed return, dotted.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ from swimmer_mj.render.figures import COLORS, INK, plain_axes, save_figure
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 NAMES = {"ours": "value gradients", "ppo": "PPO", "sac": "SAC"}
 STYLES = {"ours": "-", "ppo": "--", "sac": "-."}
+WIDTHS = {"ours": 2.8, "ppo": 1.6, "sac": 1.6}
+"""Value gradients lie below the others, and are seen beside their dashes."""
 QUANTITIES = {"time": "processor time of one core  (s)", "simulation": "simulated time  (s)"}
 COLUMNS = 3
 Quantity = Literal["time", "simulation"]
@@ -100,7 +102,7 @@ def _draw_task(axes: Axes, task: str, learners: Mapping[str, Sequence[Curve]], q
         if name in learners:
             for one in learners[name]:
                 axes.plot(getattr(one, quantity), one.returns, color=color, linewidth=0.6, alpha=0.3)
-            axes.plot(*mean_curve(learners[name], quantity), color=color, linestyle=style, linewidth=1.8)
+            axes.plot(*mean_curve(learners[name], quantity), color=color, linestyle=style, linewidth=WIDTHS[name])
     best = published().get(task)
     if best:
         axes.axhline(best[0][1], color=INK, linewidth=1.1, linestyle=":")
@@ -123,10 +125,10 @@ def draw(found: Mapping[str, Mapping[str, Sequence[Curve]]], quantity: Quantity)
     for axes in grid[max(0, len(found) - COLUMNS) : len(found)]:  # the lowest of each column
         axes.tick_params(labelbottom=True)
     handles = [
-        Line2D([], [], color=color, linestyle=style, linewidth=1.8, label=NAMES[name])
+        Line2D([], [], color=color, linestyle=style, linewidth=WIDTHS[name], label=NAMES[name])
         for (name, style), color in zip(STYLES.items(), COLORS, strict=False)
     ]
-    handles.append(Line2D([], [], color=INK, linestyle=":", linewidth=1.1, label="best published"))
+    handles.append(Line2D([], [], color=INK, linestyle=":", linewidth=1.1, label="best listed"))
     figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False)
     figure.supxlabel(QUANTITIES[quantity], fontsize="medium")
     figure.supylabel("return of an episode", fontsize="medium")

@@ -99,8 +99,8 @@ def any_model() -> Summary:
         "return",
         "worst seed",
         "without control",
-        "published",
-        "seeds at 95 % of the best published",
+        "listed",
+        "seeds at 95 % of the best listed",
         "seeds 10 % below their best in the end",
     )
     return Summary("", head, rows)
