@@ -186,7 +186,7 @@ def draw(everyone: Mapping[str, Sequence[Looks]]) -> Figure:
         for axes in column[1:]:
             axes.set_ylim(-0.03, 1.05)
             axes.yaxis.set_major_locator(MultipleLocator(0.5))
-    grid[0, 0].set_ylabel("swimming speed  (m/s)")
+    grid[0, 0].set_ylabel("mean speed  (m/s)")
     for axes, speed in zip(grid[1:, 0], speeds, strict=True):
         axes.set_ylabel(f"seeds at {speed} m/s")
     for row in grid:
@@ -194,7 +194,7 @@ def draw(everyone: Mapping[str, Sequence[Looks]]) -> Figure:
             axes.tick_params(labelleft=False)
             axes.sharey(row[0])
     handles = [
-        Line2D([], [], label=f"{NAMES[name]}, {len(learners)}", **styles[name])
+        Line2D([], [], label=f"{NAMES[name]}, {len(learners)} seeds", **styles[name])
         for name, learners in everyone.items()
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False)

@@ -127,7 +127,7 @@ def draw_figure_1(logs: Logs = LOGS) -> Figure:
         axes.set_yscale("log")
         axes.set_ylabel(r"noise $\sqrt{v_i}$" if quantity == "noise" else r"rate $\eta_i$")
         axes.set_xlabel("trials")
-    panels[1, 0].legend(fontsize=9, loc="lower right", edgecolor="none", framealpha=0.9)
+    _legend_above(panels[1, 0], 2)
     figure.align_ylabels()
     return figure
 
@@ -162,9 +162,7 @@ def draw_section_3_3(logs: Logs = LOGS) -> Figure:
                     continue
                 at, low, middle, high = quartiles(now, "n", "ratio")
                 last = trial == moments[-1]
-                label = f"{trial:,.0f} trials" + (
-                    ", scaled" if last and scaling else ", one rate" if last else ""
-                )
+                label = f"{trial:,.0f} trials, {'scaled' if scaling else 'one rate'}"
                 top.plot(
                     at,
                     middle,
@@ -173,7 +171,7 @@ def draw_section_3_3(logs: Logs = LOGS) -> Figure:
                     marker=marker,
                     markersize=5 if last else 3,
                     linewidth=1.7 if last else 0.9,
-                    label=label if last or scaling else None,
+                    label=label,
                     zorder=3 if last else 2,
                 )
                 if last:
@@ -183,7 +181,7 @@ def draw_section_3_3(logs: Logs = LOGS) -> Figure:
         seeds = len(np.unique(rows["seed"]))
         over = "1 seed" if seeds == 1 else f"{seeds} seeds: median, quartiles"
         top.set_title(f"{NAMES[problem]} ({over})", fontsize=10)
-        top.legend(frameon=False, fontsize=8)
+        top.legend(frameon=False, fontsize=7.5)
         for name, color, label in (
             ("from_inputs", COLORS[2], "mean, from inputs and bias"),
             ("from_neurons", COLORS[3], "mean, from hidden neurons"),
@@ -336,7 +334,7 @@ def draw_hamiltonian(logs: Logs = LOGS) -> Figure:
     by_dt.set_yscale("log")
     by_dt.set_xlabel("dt  (s)")
     by_dt.set_ylabel(r"$H$ by $\partial V/\partial x\cdot f$ less $H$ by $\Delta V/dt$  (m/s)")
-    by_dt.set_ylim(1e-9, None)
+    by_dt.set_ylim(1e-10, None)
     by_dt.legend(frameon=False, fontsize=7.5, loc="lower right")
 
     for form, color in (("gradient", ORANGE), ("difference", BLUE)):

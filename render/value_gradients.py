@@ -114,6 +114,7 @@ def draw_links(logs: Logs = LOGS) -> Figure:
     best.set_xticks(numbers)
     best.margins(x=0.1)
     best.set_xlabel("links")
+    curves.set_title("each seed, and the median (thick)", fontsize=9)
     best.set_title("best of each seed, mean and 95 % interval", fontsize=9)
     figure.legend(*curves.get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)
     return figure
