@@ -102,7 +102,9 @@ def _draw_task(axes: Axes, task: str, learners: Mapping[str, Sequence[Curve]], q
         if name in learners:
             for one in learners[name]:
                 axes.plot(getattr(one, quantity), one.returns, color=color, linewidth=0.6, alpha=0.3)
-            axes.plot(*mean_curve(learners[name], quantity), color=color, linestyle=style, linewidth=WIDTHS[name])
+            axes.plot(
+                *mean_curve(learners[name], quantity), color=color, linestyle=style, linewidth=WIDTHS[name]
+            )
     best = published().get(task)
     if best:
         axes.axhline(best[0][1], color=INK, linewidth=1.1, linestyle=":")

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 import tyro
-from compare_learners import NAMES, median_words, number, reached
+from compare_learners import NAMES, Reached, median_words, number, reached
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -115,29 +115,53 @@ def _mean(values: Array) -> str:
     return mean_and_interval_text(values) if len(values) >= 5 else ", ".join(map("{:.2f}".format, values))
 
 
+def soonest(
+    everyone: Mapping[str, Sequence[Looks]], speed: float, quantity: str
+) -> tuple[str, Reached] | None:
+    """The peer that reaches a speed by the least of a quantity, if any does; one whose median is known, if any is."""
+    there = {
+        name: what
+        for name, learners in everyone.items()
+        if name not in OURS and np.isfinite((what := reached(learners, speed, quantity)).spent).any()
+    }
+    if not there:
+        return None
+    name = min(there, key=lambda name: (not there[name].known, there[name].median))
+    return name, there[name]
+
+
+def ratio_text(ours: Reached, other: Reached) -> str:
+    """What ours had spent over what the other had, medians, as far as they are known."""
+    if not ours.known:
+        return ""
+    return f"{'' if other.known else 'at most '}{ours.median / other.median:.2f}"
+
+
 def against_the_fastest(out: Path = OUT) -> Summary:
     """Ours beside the peer that reaches each speed soonest: medians of time and of steps, and their ratio."""
     everyone, rows = finalists(out), []
-    peers = {name: learners for name, learners in everyone.items() if name not in OURS}
     for speed in SPEEDS:
         for quantity, unit in (("cpu_seconds", "s"), ("simulation_steps", "steps")):
             ours = reached(everyone["ours"], speed, quantity)
-            there = {
-                name: what
-                for name, learners in peers.items()
-                if np.isfinite((what := reached(learners, speed, quantity)).spent).any()
-            }
-            if not there:
+            found = soonest(everyone, speed, quantity)
+            if found is None:
                 rows.append((f"{speed} m/s", unit, median_words(ours, unit), "no peer got there", ""))
                 continue
-            fastest = min(there, key=lambda name: (not there[name].known, there[name].median))
-            other = there[fastest]
-            times = ours.median / other.median
-            sign = "" if other.known else "at most "
-            ratio = f"{sign}{times:.2f}" if ours.known else ""
-            label = f"{NAMES[fastest]}: {median_words(other, unit)}, {other.got_there}"
-            rows.append((f"{speed} m/s", unit, f"{median_words(ours, unit)}, {ours.got_there}", label, ratio))
+            name, other = found
+            label = f"{NAMES[name]}: {median_words(other, unit)}, {other.got_there}"
+            mine = f"{median_words(ours, unit)}, {ours.got_there}"
+            rows.append((f"{speed} m/s", unit, mine, label, ratio_text(ours, other)))
     return Summary("", ("speed", "in", "value gradients, compiled", "the soonest peer", "ours to it"), rows)
+
+
+def headline(out: Path = OUT) -> str:
+    """Time to each speed over that of the soonest peer."""
+    everyone = finalists(out)
+    found = (
+        (reached(everyone["ours"], speed, "cpu_seconds"), soonest(everyone, speed, "cpu_seconds"))
+        for speed in SPEEDS
+    )
+    return ", ".join(ratio_text(ours, peer[1]) if peer else "no peer" for ours, peer in found)
 
 
 def share_there(learners: Sequence[Looks], speed: float, quantity: str) -> tuple[Array, Array]:
