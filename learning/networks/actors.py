@@ -20,7 +20,7 @@ from swimmer_mj.integrators import rk4_step
 from swimmer_mj.learning.networks.batched import BLOCK, BatchedNetwork
 from swimmer_mj.learning.networks.networks import ValueNetwork
 from swimmer_mj.learning.problems.differentiable import require_torch
-from swimmer_mj.learning.problems.forms import BatchForm, Field, HoldForm, TorchForm
+from swimmer_mj.learning.problems.forms import BatchForm, CostForm, Field, HoldForm, TorchForm
 from swimmer_mj.learning.problems.held import Memory, Slope
 from swimmer_mj.learning.problems.problem import ControlProblem
 
@@ -184,7 +184,11 @@ def batch_obstacle(problem: ControlProblem, network: ValueNetwork) -> str | None
 
 
 def actor_for(problem: ControlProblem, network: ValueNetwork) -> Actor | None:
-    """The fastest there is; None for a problem that is neither compiled for batches nor stated in torch."""
+    """The fastest there is; None for a problem that is neither compiled for batches nor stated in torch.
+
+    In torch nobody has said what controls cost.
+    """
     if batch_obstacle(problem, network) is None:
         return BatchActor(problem, network)
-    return None if problem.form(TorchForm) is None else TorchActor(problem, network)
+    in_torch = problem.form(TorchForm) is not None and problem.form(CostForm) is None
+    return TorchActor(problem, network) if in_torch else None

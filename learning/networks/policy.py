@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from swimmer_mj.learning.networks.actors import BatchActor, actor_for
+from swimmer_mj.learning.networks.actors import Actor, BatchActor, actor_for
 from swimmer_mj.learning.networks.networks import ValueNetwork
 from swimmer_mj.learning.problems.forms import CostForm, HoldForm, Judgement
 from swimmer_mj.learning.problems.held import Slope
 from swimmer_mj.learning.problems.problem import ControlProblem, as_states, episode_sums
 
-__all__ = ["GreedyPolicy", "greedy_control", "hamiltonian"]
+__all__ = ["Decision", "GreedyPolicy", "decision", "greedy_control", "hamiltonian"]
 
 Array = NDArray[np.float64]
 T = TypeVar("T", float, Array, Tensor)
@@ -42,6 +42,35 @@ def hamiltonian(r: T, V: T, dVdx: Array, f: Array, s_gamma: float) -> T:
     return r - s_gamma * V + (dVdx * f).sum(axis=-1)
 
 
+class Decision(NamedTuple):
+    """What greedy control does at states; leading axes are those of the states."""
+
+    control: Array
+    """u, shape (..., q)."""
+    reward: Array
+    """r(x), what u costs taken off, shape (...)."""
+
+
+def decision(
+    problem: ControlProblem,
+    x: Array,
+    dVdx: Array,
+    B: Array,
+    slope: Callable[[], Slope],
+    duration: float | None = None,
+) -> Decision:
+    """The greedy control at ``x`` (..., p), and what it earns, as ``problem`` has them.
+
+    It is that of the instant, by dV/dx and B there. Where the problem chooses controls to be held, it is the best for
+    ``duration`` in s, by the ``slope`` of V elsewhere; None: for as long as a policy's are.
+    """
+    priced, hold = problem.form(CostForm), problem.form(HoldForm)
+    cost = None if priced is None else priced.coefficients(x)
+    limits, r = problem.control_limits, problem.reward(x)
+    u = greedy_control(B, dVdx, limits, cost) if hold is None else hold.choose(slope(), x, duration)
+    return Decision(u, r if cost is None else r - (cost * u**2).sum(axis=-1))
+
+
 class GreedyPolicy(Generic[Network]):
     """pi(x) = argmax_u of dV/dx . f(x, u), for one state or a batch."""
 
@@ -58,26 +87,22 @@ class GreedyPolicy(Generic[Network]):
         (slope,) = torch.autograd.grad(V.sum(), state)
         dVdx = slope.double().numpy()
         a, B = problem.drift_and_control_matrix(x)
-        form = problem.form(CostForm)
-        cost = None if form is None else form.coefficients(x)
-        hold = problem.form(HoldForm)
-        limits = problem.control_limits
-        u = greedy_control(B, dVdx, limits, cost) if hold is None else hold.choose(self._slope(), x, None)
+        u, r = decision(problem, x, dVdx, B, self.slope)
         f = a + np.einsum("...pq,...q->...p", B, u)
-        r = problem.reward(x) if cost is None else problem.reward(x) - (cost * u**2).sum(axis=-1)
         value = V.detach().double().numpy()
         return Judgement(u, value, hamiltonian(r, value, dVdx, f, problem.s_gamma))
 
-    def _slope(self) -> Slope:
-        """The fastest there is; one of its own, for others may judge at the same time."""
-        actor = actor_for(self.problem, self.network)
+    def slope(self, actor: Actor | None = None) -> Slope:
+        """V's, by the weights as they are: by ``actor``, else by a new one, for others may judge at the same time."""
+        actor = actor or actor_for(self.problem, self.network)
         return actor.slope_at(self._weights()) if isinstance(actor, BatchActor) else self._slope_at
 
     def _slope_at(self, x: Array) -> Array:
         """dV/dx (p, N) at x (p, N)."""
         dtype = next(self.network.parameters()).dtype
-        state = torch.tensor(x.T, dtype=dtype, requires_grad=True)
-        (slope,) = torch.autograd.grad(self.network(self.problem.inputs(state)).sum(), state)
+        with torch.enable_grad():
+            state = torch.tensor(x.T, dtype=dtype, requires_grad=True)
+            (slope,) = torch.autograd.grad(self.network(self.problem.inputs(state)).sum(), state)
         return slope.double().numpy().T
 
     def __call__(self, x: Array) -> Array:
@@ -100,7 +125,10 @@ class GreedyPolicy(Generic[Network]):
         states = as_states(states, self.problem.state_size)
         actor = actor_for(self.problem, self.network)
         if actor is None:
-            return episode_sums(self.problem, self, states, shares, dt)
+            priced = self.problem.form(CostForm)
+            return episode_sums(
+                self.problem, self, states, shares, dt, None if priced is None else priced.coefficients
+            )
         return actor.episodes(self._weights(), states, shares, dt)
 
     def _weights(self) -> Tensor:

@@ -136,11 +136,17 @@ def discount_shares(s_gamma: float, duration: float, dt: float) -> Array:
 
 
 def episode_sums(
-    problem: ControlProblem, policy: Callable[[Array], Array], states: Array, shares: Array, dt: float
+    problem: ControlProblem,
+    policy: Callable[[Array], Array],
+    states: Array,
+    shares: Array,
+    dt: float,
+    cost: Callable[[Array], Array] | None = None,
 ) -> Array:
     """Sums (N,) of the reward rates times ``shares`` (steps,) over episodes under any policy.
 
-    They start at ``states`` (N, p), by RK4 with the control, (N, q), held for ``dt``.
+    They start at ``states`` (N, p), by RK4 with the control, (N, q), held for ``dt``. With ``cost`` c of x, (N, q), the
+    rate is r - sum_i c_i u_i^2.
     """
     x = as_states(states, problem.state_size)
     total = np.zeros(len(x))
@@ -151,7 +157,8 @@ def episode_sums(
             a, B = problem.drift_and_control_matrix(y)
             return a + np.einsum("...pq,...q->...p", B, u)
 
-        total += share * problem.reward(x)
+        r = problem.reward(x)
+        total += share * (r if cost is None else r - (cost(x) * u**2).sum(axis=-1))
         x = rk4_step(f, x, dt)
     return total
 

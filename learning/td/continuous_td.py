@@ -8,7 +8,8 @@ The learner integrates, along a trajectory that is greedy with respect to its ow
     H     = r(x) - s_gamma V_w(x) + dV_w/dx . f(x, pi(x))   Hamiltonian
 
 by Euler steps: every right-hand side is taken at time t. Because f is affine in the control and r does not depend on
-it, H is largest for bang-bang control, u_i = U_i sign([B(x)^T dV/dx]_i).
+it, H is largest for bang-bang control, u_i = U_i sign([B(x)^T dV/dx]_i). Where a problem has controls that cost, or
+that are chosen to be held, they are those of :func:`~swimmer_mj.learning.networks.policy.decision`, as a policy's.
 
 This is the reference, with gradients by torch's autograd; :mod:`swimmer_mj.learning.td.fused` does the same on the same
 tensors, some 2,800 times as fast (``swimmer-mj bench``), and a test holds them equal.
@@ -17,6 +18,7 @@ tensors, some 2,800 times as fast (``swimmer-mj bench``), and a test holds them 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -24,9 +26,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from swimmer_mj.learning.networks.actors import actor_for
 from swimmer_mj.learning.networks.networks import ValueNetwork
-from swimmer_mj.learning.networks.policy import greedy_control, hamiltonian
-from swimmer_mj.learning.problems.forms import Moment
+from swimmer_mj.learning.networks.policy import GreedyPolicy, decision, hamiltonian
+from swimmer_mj.learning.problems.forms import HoldForm, Moment
 from swimmer_mj.learning.problems.problem import ControlProblem
 from swimmer_mj.learning.problems.settings import require_not_negative, require_positive
 from swimmer_mj.learning.td import vario_eta
@@ -135,6 +138,8 @@ class ContinuousTD:
         v0 = settings.vario.initial_variance if settings.vario else 0.0
         self.variances = [torch.full_like(w, v0) for w in self.weights]
         self.rates = [settings.initial_rate * base for base in self.base_rates]
+        actor = None if problem.form(HoldForm) is None else actor_for(problem, network)
+        self._slope = partial(GreedyPolicy(problem, network).slope, actor)
 
     @torch.no_grad()
     def learn_at(self, x: Array) -> Moment:
@@ -144,8 +149,8 @@ class ContinuousTD:
         with torch.enable_grad():
             V, dVdx, dVdw = value_and_gradients(self.network, problem, x)
         a, B = problem.drift_and_control_matrix(x)
-        u = greedy_control(B, dVdx, problem.control_limits)
-        H = float(hamiltonian(float(problem.reward(x)), V, dVdx, a + B @ u, s_gamma))
+        u, r = decision(problem, x, dVdx, B, self._slope, dt)
+        H = float(hamiltonian(float(r), V, dVdx, a + B @ u, s_gamma))
         for w, e, eta, gradient in zip(self.weights, self.traces, self.rates, dVdw, strict=True):
             w += dt * weight_derivative(eta, H, e)
             e += dt * trace_derivative(e, gradient, s_gamma, s_lambda)

@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 
 from swimmer_mj.learning.networks.networks import Cascade
-from swimmer_mj.learning.problems.forms import CompiledForm, Moment
+from swimmer_mj.learning.problems.forms import CompiledForm, CostForm, HoldForm, Moment
 from swimmer_mj.learning.problems.problem import ControlProblem, as_states, episode_steps, require_euler
 from swimmer_mj.learning.td import fused_kernel as kernel
 from swimmer_mj.learning.td.continuous_td import TDSettings
@@ -24,10 +24,32 @@ __all__ = [
     "Rollouts",
     "SampleStatistics",
     "TrialStatistics",
+    "compiled_form",
+    "obstacle",
 ]
 
 Array = NDArray[np.float64]
 Real = NDArray[Any]  # the learner's dtype
+
+
+def obstacle(problem: ControlProblem) -> str | None:
+    """Why compiled learners cannot learn ``problem``, to be read after its name; None if they can.
+
+    The control that they decide on is free, and that of the instant.
+    """
+    if problem.form(CompiledForm) is None:
+        return "has no compiled form"
+    if problem.form(CostForm) is not None:
+        return "has controls that cost"
+    return None if problem.form(HoldForm) is None else "chooses controls to be held"
+
+
+def compiled_form(problem: ControlProblem) -> CompiledForm:
+    """The compiled form of ``problem``; ValueError if a compiled learner cannot learn it."""
+    compiled, why = problem.form(CompiledForm), obstacle(problem)
+    if compiled is None or why is not None:
+        raise ValueError(f"problem {problem.name!r} {why}; use ContinuousTD")
+    return compiled
 
 
 class TrialStatistics(NamedTuple):
@@ -62,7 +84,7 @@ class FusedTD:
     Parameters
     ----------
     problem : ControlProblem
-        What to learn; must have a compiled form.
+        What to learn; must have a compiled form, and controls of the instant that cost nothing.
     network : Cascade
         V_w, in float32 or float64.
     settings : TDSettings
@@ -84,9 +106,7 @@ class FusedTD:
             raise TypeError(
                 f"the fused kernel learns Cascade networks, got {type(network).__name__}; use ContinuousTD"
             )
-        compiled = problem.form(CompiledForm)
-        if compiled is None:
-            raise ValueError(f"problem {problem.name!r} has no compiled form; use ContinuousTD")
+        compiled = compiled_form(problem)
         if network.n_inputs != problem.n_inputs:
             raise ValueError(f"{problem.name} has {problem.n_inputs} inputs, the network {network.n_inputs}")
         self.problem = problem

@@ -14,12 +14,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from swimmer_mj.learning.problems.forms import CompiledForm
 from swimmer_mj.learning.problems.problem import ControlProblem, as_states, episode_steps, require_euler
 from swimmer_mj.learning.td import linear_kernel as kernel
 from swimmer_mj.learning.td.continuous_td import TDSettings
 from swimmer_mj.learning.td.features import Features
-from swimmer_mj.learning.td.fused import Rollouts, SampleStatistics, TrialStatistics
+from swimmer_mj.learning.td.fused import Rollouts, SampleStatistics, TrialStatistics, compiled_form
 
 __all__ = ["LinearTD"]
 
@@ -32,7 +31,7 @@ class LinearTD:
     Parameters
     ----------
     problem : ControlProblem
-        What to learn; must have a compiled form.
+        What to learn; must have a compiled form, and controls of the instant that cost nothing.
     features : Features
         phi, over the problem's state variables.
     settings : TDSettings, optional
@@ -51,9 +50,7 @@ class LinearTD:
         self.settings = settings = TDSettings() if settings is None else settings
         if settings.vario is not None:
             raise ValueError("LinearTD has one learning rate: settings.vario must be None")
-        compiled = problem.form(CompiledForm)
-        if compiled is None:
-            raise ValueError(f"problem {problem.name!r} has no compiled form")
+        compiled = compiled_form(problem)
         if features.n_axes != problem.state_size:
             raise ValueError(
                 f"{problem.name} has {problem.state_size} state variables, the features {features.n_axes}"

@@ -18,11 +18,11 @@ from torch import Tensor
 from swimmer_mj.learning.method import Along
 from swimmer_mj.learning.networks.networks import Cascade, DType, Sigmoid
 from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.problems.forms import CompiledForm, Learner, TrialsForm, episode_of
+from swimmer_mj.learning.problems.forms import Learner, TrialsForm, episode_of
 from swimmer_mj.learning.problems.problem import ControlProblem, episode_shares
 from swimmer_mj.learning.problems.settings import require_choices, require_units
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
-from swimmer_mj.learning.td.fused import FusedTD
+from swimmer_mj.learning.td.fused import FusedTD, obstacle
 from swimmer_mj.learning.td.population import LANES, PopulationTD
 from swimmer_mj.learning.td.vario_eta import VarioEta
 
@@ -49,7 +49,7 @@ class TemporalDifferences:
     dtype: DType = "float32"
     sigmoid: Sigmoid = "tanh"
     engine: Literal["auto", "fused", "population", "torch"] = "auto"
-    """"auto" is "fused" where the problem is compiled, else "torch"."""
+    """"auto" is "fused" where the problem is compiled and its controls are free and of the instant, else "torch"."""
 
     evaluate_every: ClassVar[int] = 2000
     label: ClassVar[str] = "TD(λ)"
@@ -115,7 +115,7 @@ class TemporalDifferences:
         """Engine "population" for more than a few compiled learners."""
         if self.engine != "auto" or count <= MANY:
             return self
-        compiled = problem.form(CompiledForm) is not None and problem.form(TrialsForm) is None
+        compiled = obstacle(problem) is None and problem.form(TrialsForm) is None
         return dataclasses.replace(self, engine="population") if compiled else self
 
 
@@ -130,7 +130,8 @@ class TDLearning:
         self.rng = np.random.default_rng(seed)
         self.trials = 0
         self.environment = problem.form(TrialsForm)
-        compiled = problem.form(CompiledForm) is not None
+        why = obstacle(problem)
+        compiled = why is None
         engine = method.engine if method.engine != "auto" else "fused" if compiled else "torch"
         if self.environment is not None and engine == "population":
             raise ValueError(
@@ -141,7 +142,7 @@ class TDLearning:
             raise ValueError("vario-eta in an environment (physics 'mujoco') needs engine 'torch'")
         if engine != "torch" and not compiled:
             raise ValueError(
-                f"engine {engine!r} needs a compiled form of {problem.name!r}; use engine 'torch'"
+                f"engine {engine!r} cannot learn {problem.name!r}, which {why}; use engine 'torch'"
             )
         self.fused = FusedTD(problem, self.network, settings) if compiled else None
         self.torch = ContinuousTD(problem, self.network, settings) if engine == "torch" else None

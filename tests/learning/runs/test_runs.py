@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 import torch
 
+from swimmer_mj.learning.networks.policy import GreedyPolicy
 from swimmer_mj.learning.problems.cart_pole import CartPole
-from swimmer_mj.learning.problems.forms import EpisodeForm
+from swimmer_mj.learning.problems.forms import CostForm, EpisodeForm
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs import together
@@ -49,6 +50,16 @@ class Brief(Pendulum):
 
     def form(self, kind):
         return EpisodeForm(1.0, 0.5, 0.01) if kind is EpisodeForm else Pendulum().form(kind)
+
+
+@dataclasses.dataclass(frozen=True)
+class Dear(Brief):
+    """One whose torque costs."""
+
+    def form(self, kind):
+        return (
+            CostForm(lambda x: np.full((*x.shape[:-1], 1), 0.1)) if kind is CostForm else super().form(kind)
+        )
 
 
 def advance(run, **kwargs):
@@ -242,6 +253,17 @@ def test_both_engines_run_the_same_run(tmp_path):
         weights.append(tensors_of(run)["weight"])
     assert (weights[0] - weights[1]).abs().max() < 1e-11
     assert weights[0].abs().sum() > 0
+
+
+def test_controls_that_cost_are_learned_by_the_reference_for_many_seeds_too(tmp_path):
+    method = TemporalDifferences(SETTINGS, neurons=4).for_seeds(Dear(), 16)
+    learning = TrainingRun(tmp_path / "run", RunConfig(Dear(), method)).learning
+    learning.learn(2)
+    states = learning.problem.initial_states(np.random.default_rng(0), 20)
+    policy = GreedyPolicy(Dear(), learning.network)
+    assert learning.judge(states)[1] == pytest.approx(policy.judge(states).hamiltonian, rel=1e-6)
+    mean = policy.episodes(states, np.full(50, 0.02), 0.01)
+    assert learning.rewards(states, 0.5, 0.0) == pytest.approx(mean, rel=1e-6)
 
 
 def test_a_pack_computes_what_its_runs_compute_alone(tmp_path):
@@ -588,7 +610,12 @@ IN_MUJOCO = Swimming(physics="mujoco")
         (
             CartPole(),
             TemporalDifferences(engine="fused"),
-            "engine 'fused' needs a compiled form of 'cart-pole'",
+            "engine 'fused' cannot learn 'cart-pole', which has no compiled form; use engine 'torch'",
+        ),
+        (
+            Dear(),
+            TemporalDifferences(engine="population"),
+            "engine 'population' cannot learn 'pendulum', which has controls that cost; use engine 'torch'",
         ),
     ],
 )

@@ -8,8 +8,10 @@ import torch
 from torch import nn
 
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer, ValueNetwork
-from swimmer_mj.learning.networks.policy import greedy_control, hamiltonian
+from swimmer_mj.learning.networks.policy import GreedyPolicy, greedy_control, hamiltonian
+from swimmer_mj.learning.problems.forms import CostForm, TorchForm
 from swimmer_mj.learning.problems.pendulum import Pendulum
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.td.continuous_td import (
     ContinuousTD,
     TDSettings,
@@ -44,8 +46,34 @@ class Decay:
     def inputs(self, x):
         return x
 
-    def compile(self):
+    def form(self, kind):
         return None
+
+
+class Cart(Decay):
+    """dx/dt = u, r = -x^2 - c u^2: V = -k x^2 with k^2 / c + s_gamma k = 1."""
+
+    name, control_limits = "cart", np.array([10.0])
+
+    def __init__(self, c):
+        super().__init__()
+        self.c = c
+
+    def drift_and_control_matrix(self, x):
+        return 0 * x, np.ones((*x.shape, 1))
+
+    def reward(self, x):
+        return -(x[..., 0] ** 2)
+
+    def step(self, x, u, dt):
+        return x + dt * u
+
+    def form(self, kind):
+        if kind is TorchForm:
+            return TorchForm(
+                torch.zeros_like, lambda x: torch.ones_like(x)[..., None], lambda x: -(x[:, 0] ** 2)
+            )
+        return CostForm(lambda x: np.full(x.shape, self.c)) if kind is CostForm else None
 
 
 class Quadratic(ValueNetwork):
@@ -167,6 +195,48 @@ def test_learns_the_value_of_a_linear_system(s_lambda):
     for x in problem.initial_states(np.random.default_rng(0), 60):
         learner.run_trial(x)
     assert network.w.item() == pytest.approx(0.5, rel=1e-3)
+
+
+@pytest.mark.parametrize("c", [0.3, 1.0])
+def test_learns_the_value_of_a_linear_system_whose_control_costs(c):
+    problem, network = Cart(c), Quadratic()
+    learner = ContinuousTD(problem, network, TDSettings(eta=0.3, trial_duration=2.0))
+    for x in problem.initial_states(np.random.default_rng(0), 100):
+        learner.run_trial(x)
+    k = (c / 2) * ((1 + 4 / c) ** 0.5 - 1)
+    assert network.w.item() == pytest.approx(-k, rel=1e-3)
+
+
+def test_an_episode_pays_for_its_control():
+    """With V = -x^2 and c = 2, u = -x / 2: of x after k steps, x (1 - dt / 2)^k, an episode has -3/2 x^2 a second."""
+    network = Quadratic()
+    network.w.data -= 1
+    x, dt = np.array([[0.5], [-2.0]]), 0.1
+    found = GreedyPolicy(Cart(2.0), network).episodes(x, np.full(7, dt), dt)
+    assert found == pytest.approx(-1.5 * dt * x[:, 0] ** 2 * sum((1 - dt / 2) ** (2 * k) for k in range(7)))
+
+
+@pytest.mark.parametrize(
+    "problem", [Pendulum(), Cart(0.3), Swimming(held=True), Swimming(held=True, encoding="angle")]
+)
+def test_what_is_done_while_learning_is_what_the_policy_does(problem):
+    """Of the instant, with a cost, and for the 0.01 s for which a control is held: the same u and H."""
+    network = cascade(n_inputs=problem.n_inputs)
+    network.weight.data *= 2
+    policy, learner = GreedyPolicy(problem, network), ContinuousTD(problem, network, TDSettings(eta=0.1))
+    learner.start_trial()
+    others = 0  # than bang-bang control of the instant
+    for x in problem.initial_states(np.random.default_rng(1), 20):
+        instant = greedy_control(
+            problem.drift_and_control_matrix(x)[1],
+            value_and_gradients(network, problem, x)[1],
+            problem.control_limits,
+        )
+        judged, moment = policy.judge(x), learner.learn_at(x)
+        assert moment.control == pytest.approx(judged.control, rel=1e-9)
+        assert moment.hamiltonian == pytest.approx(judged.hamiltonian, rel=1e-9)
+        others += int((moment.control != instant).sum())
+    assert (others == 0) == isinstance(problem, Pendulum)
 
 
 def test_one_step_is_an_euler_step_of_equation_2():

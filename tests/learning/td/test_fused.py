@@ -10,6 +10,7 @@ import torch
 from swimmer_mj.compiled.elementary import tanh_of_one
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer
 from swimmer_mj.learning.networks.policy import GreedyPolicy
+from swimmer_mj.learning.problems.forms import CostForm, HoldForm
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings, value_and_gradients
@@ -25,6 +26,17 @@ UNEQUAL = SwimmerParameters(
     viscous_friction=6.0,
     torque_limit=[5.0, 4.0, 3.0, 6.0],
 )
+
+
+class WithForm(Pendulum):
+    """The compiled pendulum with a form that no compiled learner knows."""
+
+    def __init__(self, kind):
+        super().__init__()
+        object.__setattr__(self, "kind", kind)
+
+    def form(self, kind):
+        return kind(None) if kind is self.kind else Pendulum().form(kind)
 
 
 def network_for(problem, n_neurons=60, dtype=torch.float64, seed=0, output=0.3):
@@ -234,5 +246,8 @@ def test_refuses():
     for use in (lambda: by_rk4.train(np.zeros((1, 12))), lambda: PopulationTD([by_rk4])):
         with pytest.raises(ValueError, match="by Euler's method, got integrator 'rk4'; use ContinuousTD"):
             use()
+    for kind, why in ((CostForm, "has controls that cost"), (HoldForm, "chooses controls to be held")):
+        with pytest.raises(ValueError, match=f"problem 'pendulum' {why}; use ContinuousTD"):
+            FusedTD(WithForm(kind), Cascade(3, 10))
     with pytest.raises(ValueError, match=r"vario-eta is not available one step at a time; use train\(\)"):
         FusedTD(problem, Cascade(3, 10), TDSettings(vario=VarioEta())).start_trial()
