@@ -17,7 +17,7 @@ from torch import Tensor
 from swimmer_mj.learning.problems.forms import Encoding
 from swimmer_mj.learning.problems.mujoco.coordinates import Layout
 
-__all__ = ["How", "encode", "encoding", "rows_asked_for", "unused"]
+__all__ = ["How", "encode", "encoding", "rows_asked_for", "turning", "unused"]
 
 Array = NDArray[np.float64]
 How = float | Literal["angle"]
@@ -51,11 +51,9 @@ def encoding(layout: Layout, rows: Mapping[int, How], idle: Collection[int], see
     seen : array, shape (N, p)
         States that show what size their numbers are of.
     """
-    turning = [i for i, how in rows.items() if how == "angle"]
+    asked = [i for i, how in rows.items() if how == "angle"]
     unheard = [i for i, how in rows.items() if how == 0] + [i for i in idle if i not in rows]
-    angle = np.setdiff1d(np.union1d(np.setdiff1d(layout.angle, list(rows)), turning), unheard).astype(
-        np.int64
-    )
+    angle = np.setdiff1d(np.union1d(np.setdiff1d(layout.angle, list(rows)), asked), unheard).astype(np.int64)
     linear = np.setdiff1d(np.arange(len(layout.names)), np.union1d(angle, unheard)).astype(np.int64)
     size = np.sqrt((seen[:, linear] ** 2).mean(axis=0))
     scale = 1 / np.where(size > 1e-6, size, 1.0)
@@ -77,13 +75,13 @@ def encode(encoding: Encoding, x: Tensor) -> Tensor:
 
 
 def unused(
-    model: Any, layout: Layout, all_of: Callable[[Array], Array], x: Array, rng: np.random.Generator
+    model: Any, layout: Layout, same: Callable[[Array, Array], bool], x: Array, rng: np.random.Generator
 ) -> tuple[str, ...]:
-    """Hinges and slides without limits whose positions change nothing that ``all_of`` tells of the states x (N, p)."""
-    before = all_of(x)
-    scale = 1 + np.abs(before)
-    co = layout.coordinates
-    found = []
+    """Hinges and slides without limits whose positions make no difference.
+
+    ``same`` tells whether all is the same at the states y (N, p) as at x (N, p), from which one position differs.
+    """
+    co, found = layout.coordinates, []
     for j in range(model.njnt):
         kind = mujoco.mjtJoint(int(model.jnt_type[j]))
         if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
@@ -93,6 +91,17 @@ def unused(
         (k,) = np.flatnonzero(co.scalar_qpos == model.jnt_qposadr[j])
         moved = x.copy()
         moved[:, co.scalar_row[k]] += rng.uniform(-3, 3, len(x))
-        if (np.abs(all_of(moved) - before) < 1e-7 * scale).all():
+        if same(x, moved):
             found.append(layout.names[co.scalar_row[k]])
     return tuple(found)
+
+
+def turning(layout: Layout, same: Callable[[Array, Array], bool], x: Array) -> NDArray[np.int64]:
+    """The hinges without limits for which a whole turn makes no difference: with a spring it does."""
+    found = []
+    for row in layout.angle:
+        turned = x.copy()
+        turned[:, row] += 2 * math.pi
+        if same(x, turned):
+            found.append(row)
+    return np.array(found, dtype=np.int64)

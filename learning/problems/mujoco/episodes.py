@@ -4,15 +4,17 @@
 # (MuJoCo's bindings carry no types.)
 from __future__ import annotations
 
+import math
 from typing import Any, Protocol
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from swimmer_mj.learning.problems.mujoco.tasks.task import Task
 from swimmer_mj.needs import MissingDmControlError
 
-__all__ = ["DmControlEpisode", "Episode", "GymnasiumEpisode", "known_task", "open_episode"]
+__all__ = ["DmControlEpisode", "Episode", "GymnasiumEpisode", "known_task", "open_episode", "varying"]
 
 Array = NDArray[np.float64]
 
@@ -58,6 +60,10 @@ class DmControlEpisode:
         self._environment.reset()
         self.model, self.data = physics.model.ptr, physics.data
         self.control_timestep = self._environment.control_timestep()
+        if not math.isfinite(self._environment._step_limit):
+            raise ValueError(
+                f"dm_control/{name} has no time limit, so that its episodes never end: it cannot be judged"
+            )
         self.steps = round(self._environment._step_limit)
         self.over = False
 
@@ -89,11 +95,12 @@ class GymnasiumEpisode:
             )
         try:
             self._environment = gymnasium.make(name)
-        except gymnasium.error.Error as error:
-            raise ValueError(f"gymnasium has no environment {name!r}: {error}") from error
+        except (gymnasium.error.Error, ImportError) as error:
+            said = " ".join(str(error).split())
+            raise ValueError(f"gymnasium has no environment {name!r}: {said}") from error
         self._environment.reset(seed=seed)
         inner: Any = self._environment.unwrapped
-        if not hasattr(inner, "frame_skip"):
+        if not (hasattr(inner, "frame_skip") and isinstance(getattr(inner, "model", None), mujoco.MjModel)):
             raise ValueError(f"gymnasium/{name} is no MuJoCo environment")
         self.model, self.data = inner.model, inner.data
         self.control_timestep = inner.dt
@@ -117,6 +124,19 @@ def open_episode(environment: str, seed: int) -> Episode:
     """An episode of "dm_control/DOMAIN/TASK" or "gymnasium/ID", whose random numbers are those of ``seed``."""
     suite, _, name = environment.partition("/")
     return DmControlEpisode(name, seed) if suite == "dm_control" else GymnasiumEpisode(name, seed)
+
+
+def varying(environment: str) -> tuple[str, ...]:
+    """Arrays of the model that differ between episodes: what they hold is no part of the state."""
+    one, other = (open_episode(environment, seed).model for seed in (0, 1))
+    names = (name for name in dir(one) if not name.startswith("_"))
+    return tuple(
+        name
+        for name in names
+        if isinstance(value := getattr(one, name), np.ndarray)
+        and value.dtype.kind in "fi"
+        and not np.array_equal(value, getattr(other, name), equal_nan=value.dtype.kind == "f")
+    )
 
 
 def known_task(environment: str) -> Task | None:

@@ -25,7 +25,7 @@ from torch import Tensor
 from swimmer_mj.learning.problems.forms import BatchCoordinates
 from swimmer_mj.learning.problems.mujoco.coordinates import Coordinates
 
-__all__ = ["Heading", "batch_coordinates", "enter", "headings", "idle", "leave", "turned"]
+__all__ = ["Heading", "batch_coordinates", "enter", "headings", "leave", "turned", "turns_along"]
 
 Array = NDArray[np.float64]
 
@@ -90,17 +90,13 @@ def turned(heading: Heading, x: Array, angle: Array, rates: bool = False) -> Arr
     return y
 
 
-def idle(heading: Heading, all_of: Callable[[Array], Array], columns: int, x: Array, angle: Array) -> bool:
-    """Whether it makes no difference where the body looks.
-
-    That is, whether what ``all_of`` tells of the states x (N, p) turns with them by ``angle`` (N,) in its first p times
-    ``columns`` numbers, which are what a state changes by, and is the same in the others.
-    """
-    expected, p = all_of(x), x.shape[1]
-    for k in range(0, p * columns, p):
-        expected[:, k : k + p] = turned(heading, expected[:, k : k + p], angle, rates=True)
-    scale = 1 + np.abs(expected).max(axis=1, keepdims=True)
-    return bool((np.abs(all_of(turned(heading, x, angle)) - expected) < 1e-7 * scale).all())
+def turns_along(heading: Heading, changes: Callable[[Array], Array], x: Array, angle: Array) -> bool:
+    """Whether what the states x (N, p) change by, (N, k, p), turns with them by ``angle`` (N,)."""
+    expected = changes(x)
+    for k in range(expected.shape[1]):
+        expected[:, k] = turned(heading, expected[:, k], angle, rates=True)
+    scale = 1 + np.abs(expected).max(axis=(1, 2), keepdims=True)
+    return bool((np.abs(changes(turned(heading, x, angle)) - expected) < 1e-7 * scale).all())
 
 
 def enter(heading: Heading, x: Tensor) -> Tensor:

@@ -38,11 +38,27 @@ from swimmer_mj.learning.problems.held import Memory, Slope
 from swimmer_mj.learning.problems.mujoco import heading
 from swimmer_mj.learning.problems.mujoco.actuation import actuation
 from swimmer_mj.learning.problems.mujoco.batched import MujocoBatch, Rate
+from swimmer_mj.learning.problems.mujoco.checks import require_functions, require_rates, require_whole_steps
 from swimmer_mj.learning.problems.mujoco.coordinates import layout
-from swimmer_mj.learning.problems.mujoco.encoding import How, encode, encoding, rows_asked_for, unused
+from swimmer_mj.learning.problems.mujoco.encoding import (
+    How,
+    encode,
+    encoding,
+    rows_asked_for,
+    turning,
+    unused,
+)
 from swimmer_mj.learning.problems.mujoco.readings import Scene, recorded, scene_of
+from swimmer_mj.learning.problems.mujoco.sameness import same_reward
 from swimmer_mj.learning.problems.mujoco.simulations import Simulations, learners_model, own_model
-from swimmer_mj.learning.problems.mujoco.starts import Draw, Starts, anywhere, load_model, states
+from swimmer_mj.learning.problems.mujoco.starts import (
+    Draw,
+    Starts,
+    anywhere,
+    drawn,
+    load_model,
+    states,
+)
 from swimmer_mj.mjcf import FRICTION_TUPLE
 from swimmer_mj.viscous import hold
 
@@ -56,6 +72,8 @@ SAMPLE = 256
 """States from which scales, and what does not matter, are read off."""
 SETTLING = 1.0
 """How long those states move under random controls before their scales are taken, s."""
+SPARSE = 8
+"""Of the states seen, every so many are asked how they move; all, what they earn."""
 
 
 class MujocoProblem:
@@ -63,8 +81,8 @@ class MujocoProblem:
 
     Parameters
     ----------
-    model : MjModel, str or path
-        The model, its XML, or its file. What is done to it later has no effect.
+    model : MjModel, MjSpec, str or path
+        The model, its specification, its XML, or its file. What is done to it later has no effect.
     reward_rate : callable
         r of a :class:`~swimmer_mj.learning.problems.mujoco.readings.Scene`, shape (N,), in torch; per second.
     control_cost : callable or sequence of float, optional
@@ -75,7 +93,7 @@ class MujocoProblem:
         What to call it.
     draw : callable, optional
         The law of initial states. By default angles that turn freely are anywhere, limited joints anywhere in their
-        range, other positions within 1 of those of the model, velocities within 1.
+        range, whatever equality constraints say, other positions within 1 of those of the model, velocities within 1.
     s_gamma : float
         Shortness factor, 1/s.
     control_timestep : float, optional
@@ -120,25 +138,35 @@ class MujocoProblem:
         self.name, self.s_gamma = name, s_gamma
         self.model = model = own_model(load_model(model))
         self.control_timestep = model.opt.timestep if control_timestep is None else control_timestep
+        require_whole_steps(self.control_timestep, float(model.opt.timestep))
         self._actuation = actuation(model, control_limits)
         self.control_limits = self._actuation.limits
         self._home = np.array(model.qpos0)
         self._draw = partial(anywhere, model) if draw is None else draw
-        starts = self._draw(np.random.default_rng(0), 2)
+        starts = drawn(model, self._draw, np.random.default_rng(0), 2)
         self.goal_size = 0 if starts.goal is None else starts.goal.shape[1]
         self._threads, self.held = threads, held
         if _declares_friction(model):
             hold(self)
-        constant = control_cost is None or not callable(control_cost)
-        asked = (reward_rate,) if constant else (reward_rate, control_cost)
-        self.readings = recorded(model, asked, self.goal_size)  # pyright: ignore[reportArgumentType]
+        asked: dict[str, Function] = {"reward_rate": reward_rate}
+        if callable(control_cost):
+            asked["control_cost"] = control_cost
+        require_functions(asked)
+        self.readings = recorded(model, asked, self.goal_size)
         self._reward, self._cost = reward_rate, control_cost
         self._lay_out(() if without is None else without)
-        self._check_functions()
-        if without is None:
-            self._lay_out(self._unused())
-        self.heading = self._idle_heading()
-        self.encoding = self._encoding({} if inputs is None else inputs)
+        x = self.initial_states(np.random.default_rng(0), 3)
+        require_rates(self.rate, x, self.read(x), len(self.control_limits))
+        seen = self._seen()
+        if without is None and (
+            found := unused(model, self.layout, self._same, seen, np.random.default_rng(1))
+        ):
+            kept = [k for k, name in enumerate(self.layout.names) if name not in found]
+            self._lay_out(found)
+            seen = seen[:, kept]
+        self.layout = self.layout._replace(angle=turning(self.layout, self._same, seen))
+        self.heading = self._idle_heading(seen)
+        self.encoding = self._encoding({} if inputs is None else inputs, seen)
         self.n_inputs = 2 * len(self.encoding.angle) + len(self.encoding.linear)
 
     def _lay_out(self, without: Sequence[str]) -> None:
@@ -168,18 +196,6 @@ class MujocoProblem:
         if cost.shape != (q,):
             raise ValueError(f"control_cost must be one for each of {q} controls, got {self._cost!r}")
         return cost
-
-    def _check_functions(self) -> None:
-        x = self.initial_states(np.random.default_rng(0), 3)
-        r, c = self.rate(torch.from_numpy(x), torch.from_numpy(self.read(x)))
-        q = len(self.control_limits)
-        for name, value, shape in (("reward_rate", r, (3,)), ("control_cost", c, (3, q))):
-            if tuple(value.shape) != shape:
-                raise ValueError(f"{name} must have shape {shape} at 3 states, got {tuple(value.shape)}")
-            if not bool(torch.isfinite(value).all()):
-                raise ValueError(f"{name} is not finite at an initial state")
-        if bool((c < 0).any()):
-            raise ValueError(f"control_cost must not be negative, got {float(c.min())}")
 
     # ControlProblem ------------------------------------------------------------------------------------------------
 
@@ -211,18 +227,25 @@ class MujocoProblem:
         """The readings at x (N, p), shape (N, r)."""
         return self._single.read(np.ascontiguousarray(x.T)).T
 
+    def _checked(self, x: Array) -> Array:
+        """x (..., p) as float64; ValueError if it has another last axis."""
+        x = np.asarray(x, dtype=np.float64)
+        if x.ndim == 0 or x.shape[-1] != self.state_size:
+            raise ValueError(f"states must have a last axis of {self.state_size}, got shape {x.shape}")
+        return x
+
     def drift_and_control_matrix(self, x: Array) -> tuple[Array, Array]:
         """a(x), shape (..., p), with the controls in the middle of their ranges, and B(x), shape (..., p, q)."""
-        x = np.asarray(x, dtype=np.float64)
+        x = self._checked(x)
         p, q = self.state_size, len(self.control_limits)
         a, B = self._single.drift_and_control_matrix(np.ascontiguousarray(x.reshape(-1, p)))
         return a.reshape(x.shape), B.reshape(*x.shape, q)
 
     def _rates(self, x: Array) -> Rate:
-        x = np.asarray(x, dtype=np.float64)
+        x = self._checked(x)
         flat = np.ascontiguousarray(x.reshape(-1, self.state_size).T)
         r, c = self._single.rate(flat)
-        return Rate(r.reshape(x.shape[:-1]), np.moveaxis(c, 0, -1).reshape(*x.shape[:-1], -1))
+        return Rate(r.reshape(x.shape[:-1]), c.T.reshape(*x.shape[:-1], len(c)))
 
     def reward(self, x: Array) -> Array:
         """r(x), shape (...), without the control's cost."""
@@ -234,14 +257,16 @@ class MujocoProblem:
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """x(t + dt) by one step of the learner's, u held."""
-        x = np.asarray(x, dtype=np.float64)
+        x = self._checked(x)
+        if not 0 < dt < math.inf:
+            raise ValueError(f"dt must be positive and finite, got {dt!r}")
         p, q = self.state_size, len(self.control_limits)
         u = np.ascontiguousarray(np.broadcast_to(u, (*x.shape[:-1], q)).reshape(-1, q).T)
         return self._single.step(np.ascontiguousarray(x.reshape(-1, p).T), u, dt).T.reshape(x.shape)
 
     def initial_states(self, rng: np.random.Generator, count: int) -> Array:
         """``count`` draws, shape (count, p)."""
-        return self.states(self._draw(rng, count))
+        return self.states(drawn(self.model, self._draw, rng, count))
 
     def states(self, starts: Starts) -> Array:
         """x (count, p) of MuJoCo's coordinates."""
@@ -251,9 +276,11 @@ class MujocoProblem:
         self, slope_at: Slope, x: Array, duration: float | None, memory: Memory | None = None
     ) -> Array:
         """Greedy u (..., q) at x (..., p), held for ``duration``, by default a control timestep; no ``memory``."""
-        x = np.asarray(x, dtype=np.float64)
+        x = self._checked(x)
         flat = np.ascontiguousarray(x.reshape(-1, self.state_size).T)
-        return self._single.control(slope_at, flat, duration).T.reshape(*x.shape[:-1], -1)
+        return self._single.control(slope_at, flat, duration).T.reshape(
+            *x.shape[:-1], len(self.control_limits)
+        )
 
     def ctrl(self, u: Array) -> Array:
         """MuJoCo's ctrl (..., nu) of controls u (..., q)."""
@@ -274,12 +301,13 @@ class MujocoProblem:
     def play(self, policy: Policy, duration: float) -> Iterator[tuple[Any, Any, float]]:
         """(model, data, control timestep) at each control of an episode from the first initial state of seed 0."""
         data = mujoco.MjData(self.model)
-        self.place(data, self.initial_states(np.random.default_rng(0), 1)[0])
+        start = drawn(self.model, self._draw, np.random.default_rng(0), 1)
+        self.place(data, self.states(start)[0])
         dt = self.control_timestep
         for _ in range(round(duration / dt)):
             mujoco.mj_forward(self.model, data)
             yield self.model, data, dt
-            x = self.states(Starts(data.qpos[None], data.qvel[None], None, data.act[None]))[0]
+            x = self.states(Starts(data.qpos[None], data.qvel[None], start.goal, data.act[None]))[0]
             data.ctrl[:] = self.ctrl(policy(x))
             mujoco.mj_step(self.model, data, max(1, round(dt / self.model.opt.timestep)))
 
@@ -337,34 +365,35 @@ class MujocoProblem:
         """Initial states, and states reached from them; (2 SAMPLE, p)."""
         return np.concatenate([self.initial_states(np.random.default_rng(0), SAMPLE), self._wanderings()])
 
-    def _encoding(self, asked: Mapping[str, How]) -> Encoding:
-        rows, seen = rows_asked_for(self.layout, asked), self._seen()
+    def _encoding(self, asked: Mapping[str, How], seen: Array) -> Encoding:
+        rows = rows_asked_for(self.layout, asked)
         if self.heading is None:
             return encoding(self.layout, rows, (), seen)
         seen = heading.enter(self.heading, torch.from_numpy(seen)).numpy()
         return encoding(self.layout, rows, (self.heading.hinge,), seen)
 
-    def _all_of(self, x: Array) -> Array:
-        """Drift, columns of the control matrix, reward and costs, (N, p + qp + 1 + q)."""
+    def _changes(self, x: Array) -> Array:
+        """Drift and columns of the control matrix, (N, 1 + q, p)."""
         a, B = self.drift_and_control_matrix(x)
-        r, c = self._rates(x)
-        return np.concatenate([a, B.transpose(0, 2, 1).reshape(len(x), -1), r[:, None], c], axis=1)
+        return np.concatenate([a[:, None], B.transpose(0, 2, 1)], axis=1)
 
-    def _idle_heading(self) -> heading.Heading | None:
+    def _same(self, x: Array, y: Array) -> bool:
+        """Whether neither what moves the states x (N, p) nor their reward differs at the states y."""
+        before, after = self._changes(x[::SPARSE]), self._changes(y[::SPARSE])
+        if not (np.abs(after - before) < 1e-7 * (1 + np.abs(before))).all():
+            return False
+        return same_reward(self.rate, x, self.read(x), y, self.read(y))
+
+    def _idle_heading(self, x: Array) -> heading.Heading | None:
         """What moves in a plane in which it makes no difference where it looks; None if nothing does."""
-        rng = np.random.default_rng(2)
-        x, angle = self.initial_states(rng, 16), rng.uniform(-3, 3, 16)
-        columns = 1 + self.control_limits.size
+        angle = np.random.default_rng(2).uniform(-3, 3, len(x))
         for found in heading.headings(self.model, self.layout.coordinates):
-            if heading.idle(found, self._all_of, columns, x, angle):
+            y = heading.turned(found, x, angle)
+            if heading.turns_along(found, self._changes, x[::SPARSE], angle[::SPARSE]) and same_reward(
+                self.rate, x, self.read(x), y, self.read(y)
+            ):
                 return found
         return None
-
-    def _unused(self) -> tuple[str, ...]:
-        """Hinges and slides whose positions change neither accelerations, nor control matrix, nor reward."""
-        rng = np.random.default_rng(1)
-        x = self.initial_states(rng, 16)
-        return unused(self.model, self.layout, self._all_of, x, rng)
 
     def constrained_share(self) -> float:
         """The share of states, drawn and reached by random controls, at which a constraint is active."""
@@ -384,7 +413,8 @@ class MujocoProblem:
             return None
         return (
             f"{self.name}: constraints (contacts, joint limits, equalities, dry friction) are active at "
-            f"{100 * share:.0f} % of the states seen; there the model is not smooth, and gradients may mislead"
+            f"{100 * share:.0f} % of the states seen; there the model is not smooth, gradients may mislead, and the "
+            f"control matrix is that without them"
         )
 
 

@@ -8,7 +8,7 @@ nothing has to be declared.
 # (MuJoCo's bindings carry no types.)
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import mujoco
@@ -20,6 +20,10 @@ from swimmer_mj.learning.problems.mujoco.coordinates import Coordinates
 from swimmer_mj.learning.problems.mujoco.kernel import Readings
 
 __all__ = ["Reading", "Scene", "addresses", "recorded", "scene_of"]
+
+
+NOT_OF_THE_STATE = (int(mujoco.mjtSensor.mjSENS_CLOCK), int(mujoco.mjtSensor.mjSENS_E_KINETIC))
+"""Time, and an energy that MuJoCo may have computed at the state before."""
 
 
 class Reading(NamedTuple):
@@ -107,6 +111,17 @@ class Scene:
         number = self._id(mujoco.mjtObj.mjOBJ_SENSOR, "sensor", name)
         if model.sensor_needstage[number] == int(mujoco.mjtStage.mjSTAGE_ACC):
             raise ValueError(f"sensor {name!r} measures forces or accelerations, which depend on the control")
+        if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_SENSOR):
+            raise ValueError(f'sensor {name!r} reads nothing: the model has <flag sensor="disable"/>')
+        if int(model.sensor_type[number]) in NOT_OF_THE_STATE:
+            kind = mujoco.mjtSensor(int(model.sensor_type[number])).name
+            raise ValueError(
+                f"sensor {name!r} is of type {kind}, whose reading is not that of the state alone: read something else"
+            )
+        if model.sensor_delay[number] > 0 or np.any(model.sensor_history[number]):
+            raise ValueError(
+                f"sensor {name!r} has a delay or a history, which the state does not: leave them out"
+            )
         return self._look_up(
             Reading("sensordata", int(model.sensor_adr[number]), int(model.sensor_dim[number]))
         )
@@ -125,6 +140,10 @@ def scene_of(
     ends = np.cumsum([reading.size for reading in readings])
 
     def look_up(reading: Reading) -> Tensor:
+        if reading not in readings:
+            raise ValueError(
+                f"{reading.array} was not read when the reward was first called: read the same each time"
+            )
         k = readings.index(reading)
         return values[:, ends[k] - reading.size : ends[k]]
 
@@ -132,9 +151,9 @@ def scene_of(
 
 
 def recorded(
-    model: Any, functions: tuple[Callable[[Scene], Tensor], ...], goal_size: int
+    model: Any, functions: Mapping[str, Callable[[Scene], Tensor]], goal_size: int
 ) -> tuple[Reading, ...]:
-    """What ``functions`` read, found by calling them at the model's own state."""
+    """What ``functions``, by what they are, read, found by calling them at the model's own state."""
     found: list[Reading] = []
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -146,9 +165,22 @@ def recorded(
         return torch.tensor(piece).expand(2, -1)
 
     qpos, qvel = torch.tensor(data.qpos).expand(2, -1), torch.tensor(data.qvel).expand(2, -1)
-    for function in functions:
-        function(Scene(model, qpos, qvel, torch.zeros(2, goal_size, dtype=torch.float64), look_up))
+    for name, function in functions.items():
+        scene = Scene(model, qpos, qvel, torch.zeros(2, goal_size, dtype=torch.float64), look_up)
+        try:
+            function(scene)
+        except Exception as error:
+            raise ValueError(_complaint(name, function, error)) from error
     return tuple(found)
+
+
+def _complaint(name: str, function: Any, error: Exception) -> str:
+    """One line of what went wrong in a function of a scene."""
+    said = " ".join(str(error).split())
+    if isinstance(error, ValueError):
+        return said
+    called = getattr(function, "__name__", repr(function))
+    return f"{name} {called} fails at the model's own state: {type(error).__name__}: {said}"
 
 
 def addresses(data: Any, readings: tuple[Reading, ...]) -> Readings:

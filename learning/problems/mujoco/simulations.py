@@ -26,9 +26,12 @@ Array = NDArray[np.float64]
 
 
 def own_model(model: Any) -> Any:
-    """A copy in which nothing is remembered from one state to the next (the solver's warm start)."""
-    own = copy.copy(model)
-    own.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
+    """A copy in which nothing is remembered from one state to the next (the solver's warm start).
+
+    And in which a state that is no longer finite stays so: MuJoCo would go on from qpos0, where a goal may be.
+    """
+    own, flags = copy.copy(model), mujoco.mjtDisableBit
+    own.opt.disableflags |= int(flags.mjDSBL_WARMSTART) | int(flags.mjDSBL_AUTORESET)
     return own
 
 
@@ -81,9 +84,19 @@ class Simulations:
             team.append((data, self._simulation(data), addresses(data, self._readings)))
         return team
 
-    @cached_property
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what cannot be copied, and is made again when it is needed."""
+        made = ("model", "functions", "_team", "_workers")
+        return {name: value for name, value in self.__dict__.items() if name not in made}
+
+    @property
     def _pool(self) -> ThreadPoolExecutor:
-        return ThreadPoolExecutor(self._threads)
+        """Threads of this process: those of one that has forked are not in its child."""
+        process, pool = self.__dict__.get("_workers", (0, None))
+        if pool is None or process != os.getpid():
+            pool = ThreadPoolExecutor(self._threads)
+            self._workers = (os.getpid(), pool)
+        return pool
 
     def _simulation(self, data: Any) -> Simulation:
         return Simulation(
@@ -109,6 +122,8 @@ class Simulations:
         self, work: Callable[[Simulation, Readings, int, int], None], count: int, dt: float | None = None
     ) -> None:
         """``work(simulation, readings, first, last)`` for pieces of range(count), side by side."""
+        if count == 0:
+            return
         if dt is not None and dt > 0:
             self.model.opt.timestep = dt
         parts = min(self._threads, count)

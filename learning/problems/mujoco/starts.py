@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.learning.problems.mujoco.coordinates import Coordinates
 
-__all__ = ["Draw", "Starts", "anywhere", "load_model", "states"]
+__all__ = ["Draw", "Starts", "anywhere", "drawn", "is_file", "load_model", "states"]
 
 Array = NDArray[np.float64]
 
@@ -37,19 +37,31 @@ Draw = Callable[[np.random.Generator, int], Starts]
 """The law of initial states: (generator, count) -> :class:`Starts`."""
 
 
+def is_file(name: str) -> bool:
+    """Whether it is that of a file of MJCF."""
+    return name.lower().endswith(".xml")
+
+
 def load_model(source: Any) -> Any:
-    """The model of an MjModel, an XML string, or the path of an XML file."""
+    """The model of an MjModel, also as dm_control wraps it, an MjSpec, an XML string, or the path of an XML file."""
+    source = getattr(source, "ptr", source)
     if isinstance(source, mujoco.MjModel):
         return source
-    text = os.fspath(source)
+    if not isinstance(source, str | os.PathLike | mujoco.MjSpec):
+        raise ValueError(
+            f"the model must be an MjModel, an MjSpec, XML or a path, got {type(source).__name__}"
+        )
     try:
+        if isinstance(source, mujoco.MjSpec):
+            return source.compile()
+        text = os.fspath(source)
         if text.lstrip().startswith("<"):
             return mujoco.MjModel.from_xml_string(text)
         if not Path(text).is_file():
             raise FileNotFoundError(f"there is no model {text}")
         return mujoco.MjModel.from_xml_path(text)
     except ValueError as error:
-        raise ValueError(f"MuJoCo cannot compile the model: {str(error).splitlines()[0]}") from error
+        raise ValueError(f"MuJoCo cannot compile the model: {' '.join(str(error).split())}") from error
 
 
 def anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
@@ -62,7 +74,10 @@ def anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
             at += 3
         if kind in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
             q = rng.normal(size=(count, 4))
-            qpos[:, at : at + 4] = q / np.linalg.norm(q, axis=1, keepdims=True)
+            q /= np.linalg.norm(q, axis=1, keepdims=True)
+            if model.jnt_limited[j]:
+                q = _turned_by(rng.uniform(0, model.jnt_range[j, 1], count), q[:, 1:])
+            qpos[:, at : at + 4] = q
         elif model.jnt_limited[j]:
             low, high = model.jnt_range[j]
             qpos[:, at] = rng.uniform(low, high, count)
@@ -71,6 +86,27 @@ def anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
         else:
             qpos[:, at] += rng.uniform(-1, 1, count)
     return Starts(qpos, rng.uniform(-1, 1, (count, model.nv)))
+
+
+def _turned_by(angle: Array, axis: Array) -> Array:
+    """Unit quaternions (N, 4) of turns by ``angle`` (N,) about ``axis`` (N, 3)."""
+    axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    return np.concatenate([np.cos(angle / 2)[:, None], np.sin(angle / 2)[:, None] * axis], axis=1)
+
+
+def drawn(model: Any, draw: Draw, rng: np.random.Generator, count: int) -> Starts:
+    """``count`` initial states by ``draw``; an error if they are not as many, or not of the model's size."""
+    found = draw(rng, count)
+    if not isinstance(found, Starts):
+        raise ValueError(f"draw must return Starts(qpos, qvel), got {type(found).__name__}")
+    starts = Starts(*(None if part is None else np.asarray(part, dtype=np.float64) for part in found))
+    for name, size in (("qpos", model.nq), ("qvel", model.nv), ("act", model.na)):
+        value = getattr(starts, name)
+        if value is not None and value.shape != (count, size):
+            raise ValueError(
+                f"{name} of {count} initial states must have shape {(count, size)}, got {value.shape}"
+            )
+    return starts
 
 
 def states(co: Coordinates, size: int, starts: Starts) -> Array:

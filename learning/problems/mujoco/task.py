@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
@@ -17,9 +18,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from swimmer_mj.learning.problems.forms import BatchPolicy, EnvironmentForm, EpisodeForm, FilmForm, Policy
-from swimmer_mj.learning.problems.mujoco.episodes import Episode, known_task, open_episode
+from swimmer_mj.learning.problems.mujoco.episodes import Episode, known_task, open_episode, varying
 from swimmer_mj.learning.problems.mujoco.problem import MujocoProblem
-from swimmer_mj.learning.problems.mujoco.starts import Starts, load_model
+from swimmer_mj.learning.problems.mujoco.starts import Starts, is_file, load_model
 from swimmer_mj.learning.problems.mujoco.tasks.task import Task
 
 __all__ = ["MujocoTask"]
@@ -78,12 +79,26 @@ class MujocoTask:
     """Choose controls for the time for which they are held, not for the instant."""
     threads: int | None = None
     """All cores by default; what is learned does not depend on it."""
+    digest: str = ""
+    """Of the MJCF file that was learned from; filled in, and held against the file when a run is read."""
 
     def __post_init__(self) -> None:
+        if self._is_file:
+            self._keep_digest()
         self._first  # noqa: B018 - an environment that does not exist is refused first
         if math.isnan(self.s_gamma):
             object.__setattr__(self, "s_gamma", self.task.s_gamma)
         self.problem  # noqa: B018 - what cannot be learned is refused now
+
+    def _keep_digest(self) -> None:
+        if not Path(self.environment).is_file():
+            raise FileNotFoundError(f"there is no model {self.environment}")
+        found = hashlib.sha256(Path(self.environment).read_bytes()).hexdigest()[:16]
+        if self.digest not in ("", found):
+            raise ValueError(
+                f"{self.environment} has changed since it was learned from: put it back as it was, or begin a new run"
+            )
+        object.__setattr__(self, "digest", found)
 
     @classmethod
     def from_options(
@@ -100,13 +115,17 @@ class MujocoTask:
                 importlib.import_module(module)
             except (ImportError, ValueError) as error:
                 raise ValueError(f"--reward {reward!r}: {error}; is its folder on Python's path?") from error
-        if environment.endswith(".xml"):
+            except Exception as error:  # whatever it is that the module does
+                raise ValueError(
+                    f"--reward {reward!r}: {type(error).__name__} in {module}: {error}"
+                ) from error
+        if is_file(environment):
             environment = os.fspath(Path(environment).resolve())
         return cls(environment, reward, s_gamma=s_gamma)
 
     @property
     def _is_file(self) -> bool:
-        return self.environment.endswith(".xml")
+        return is_file(self.environment)
 
     @cached_property
     def task(self) -> Task:
@@ -114,7 +133,14 @@ class MujocoTask:
         known = None if self._is_file else known_task(self.environment)
         if self.reward_function is not None:
             reward = _function(self.reward_function)
-            return Task(reward) if known is None else known._replace(learned=reward)
+            if known is not None:
+                return known._replace(learned=reward)
+            if not self._is_file and (drawn := varying(self.environment)):
+                raise ValueError(
+                    f"{self.environment}: each episode has another model ({', '.join(drawn)}), and one is learned: "
+                    "make it a model of your own, with what differs as a goal (docs/any-model.md)"
+                )
+            return Task(reward)
         if known is None:
             raise ValueError(
                 f"{self.environment}: its reward is not known as a torch function; "
@@ -137,7 +163,7 @@ class MujocoTask:
             task.learned or task.reward,
             control_cost=task.cost if self.control_cost is None else self.control_cost,
             name=self.environment,
-            draw=None if draw is None else lambda rng, count: draw(model, rng, count),
+            draw=None if draw is None else partial(draw, model),
             s_gamma=self.s_gamma,
             control_timestep=None if first is None else first.control_timestep,
             control_limits=self.limits,

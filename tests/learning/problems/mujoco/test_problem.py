@@ -1,6 +1,9 @@
 """A MuJoCo model as a control problem: its state, its inputs, what controls cost, and what is refused."""
 
+import copy
+import multiprocessing
 import re
+import warnings
 
 import mujoco
 import numpy as np
@@ -10,7 +13,7 @@ import torch
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer, ValueNetwork
 from swimmer_mj.learning.networks.policy import GreedyPolicy, greedy_control
 from swimmer_mj.learning.problems.forms import BatchForm, CostForm
-from swimmer_mj.learning.problems.mujoco import MujocoProblem
+from swimmer_mj.learning.problems.mujoco import MujocoProblem, Starts
 from swimmer_mj.learning.td.continuous_td import ContinuousTD
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
@@ -315,3 +318,198 @@ def test_how_coordinates_enter_the_network_can_be_said():
 def test_what_cannot_enter_is_refused(inputs, complaint):
     with pytest.raises(ValueError, match=re.escape(complaint)):
         MujocoProblem(ARM, reach, without=(), inputs=inputs)
+
+
+POINT = """
+<mujoco>
+  <option timestep="0.01"/>
+  <worldbody>
+    <body name="point">
+      <joint name="x" type="slide" axis="1 0 0" damping="1"/><joint name="y" type="slide" axis="0 1 0" damping="1"/>
+      <geom size="0.05"/><site name="point"/>
+    </body>
+  </worldbody>
+  <actuator><motor joint="x" ctrlrange="-1 1"/><motor joint="y" ctrlrange="-1 1"/></actuator>
+  <sensor><clock name="clock"/><e_kinetic name="energy"/></sensor>
+</mujoco>
+"""
+
+
+def near_the_origin(width):
+    return lambda scene: (1 - scene.site("point")[:, :2].square().sum(1) / width**2).clamp(min=0)
+
+
+@pytest.mark.parametrize("width", [0.001, 0.02, 0.3])
+def test_a_position_that_matters_only_near_a_goal_is_kept(width):
+    assert MujocoProblem(POINT, near_the_origin(width)).layout.names == ("x", "y", "x'", "y'")
+    along = MujocoProblem(POINT, lambda scene: (1 - scene.joint("x").square() / width**2).clamp(min=0))
+    assert along.layout.names == ("x", "x'", "y'")
+
+
+def test_an_angle_is_one_only_if_a_whole_turn_makes_no_difference():
+    free = MujocoProblem(ARM, reach, without=())
+    sprung = MujocoProblem(
+        ARM.replace('name="wheel" axis', 'name="wheel" stiffness="1" axis'), reach, without=()
+    )
+    wound = MujocoProblem(ARM, lambda scene: reach(scene) - (scene.joint("wheel") - 4) ** 2, without=())
+    assert [len(problem.encoding.angle) for problem in (free, sprung, wound)] == [1, 0, 0]
+
+
+def test_a_state_that_is_no_longer_finite_earns_nothing():
+    """MuJoCo alone would go on from qpos0, where all is well."""
+    stiff = POINT.replace('axis="1 0 0" damping="1"', 'axis="1 0 0" stiffness="1e6"')
+    problem = MujocoProblem(stiff, lambda scene: torch.exp(-(scene.joint("x") ** 2)))
+    network = Multilayer(problem.n_inputs, (4,), generator=torch.Generator().manual_seed(0))
+    found = GreedyPolicy(problem, network).episodes(
+        problem.states(Starts(np.ones((1, 2)), np.zeros((1, 2)))), np.ones(300), 0.01
+    )
+    assert not np.isfinite(found).any()
+
+
+def test_a_disabled_actuator_is_no_control():
+    two = POINT.replace('timestep="0.01"', 'timestep="0.01" actuatorgroupdisable="2"')
+    problem = MujocoProblem(
+        two.replace('<motor joint="y"', '<motor joint="y" group="2"'), near_the_origin(1.0)
+    )
+    assert len(problem.control_limits) == 1
+    assert problem.ctrl(np.ones(1)).tolist() == [1.0, 0.0]
+
+
+def test_a_ball_joint_begins_in_its_range():
+    ball = """<mujoco><worldbody><body>
+    <joint name="b" type="ball" range="0 30" limited="true"/><geom size="0.1" pos="0 0 0.3"/></body></worldbody>
+    <actuator><motor joint="b" gear="1 0 0" ctrlrange="-1 1"/></actuator></mujoco>"""
+    problem = MujocoProblem(ball, lambda scene: scene.qvel[:, 0])
+    x = problem.initial_states(np.random.default_rng(0), 200)
+    turned = np.degrees(2 * np.arccos(x[:, 0]))
+    assert 25 < turned.max() < 30 < 100
+    assert turned.min() < 5
+
+
+def test_films_show_the_policy_the_goal():
+    def draw(rng, count):
+        return Starts(rng.uniform(-1, 1, (count, 2)), np.zeros((count, 2)), rng.uniform(2, 3, (count, 1)))
+
+    problem = MujocoProblem(POINT, lambda scene: -((scene.joint("x") - scene.goal[:, 0]) ** 2), draw=draw)
+    goal, seen = problem.initial_states(np.random.default_rng(0), 1)[0, -1], []
+    for _ in problem.play(lambda x: seen.append(x[-1]) or np.zeros(2), 0.03):
+        pass
+    assert seen == [goal] * 3
+    assert goal > 2
+
+
+def test_copies_and_children_of_a_problem_that_has_been_used_can_be_used():
+    problem = MujocoProblem(POINT, near_the_origin(1.0), threads=2)
+    x = problem.initial_states(np.random.default_rng(0), 8)
+    expected = problem.step(x, np.zeros(2), 0.01)
+    np.testing.assert_array_equal(copy.deepcopy(problem).step(x, np.zeros(2), 0.01), expected)
+    child = multiprocessing.get_context("fork").Process(target=problem.step, args=(x, np.zeros(2), 0.01))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of Python's, at a fork beside threads
+        child.start()
+    child.join(60)
+    child.kill()
+    assert child.exitcode == 0
+
+
+def test_batches_of_no_states_are_none():
+    problem = MujocoProblem(POINT, near_the_origin(1.0))
+    x = np.zeros((0, 4))
+    assert problem.step(x, np.zeros(2), 0.01).shape == (0, 4)
+    assert problem.reward(x).shape == (0,)
+    assert problem.drift_and_control_matrix(x)[1].shape == (0, 4, 2)
+
+
+@pytest.mark.parametrize(
+    ("call", "complaint"),
+    [
+        (lambda p: p.reward(np.zeros((4, 3))), "states must have a last axis of 4, got shape (4, 3)"),
+        (lambda p: p.drift_and_control_matrix(np.zeros((3, 8))), "states must have a last axis of 4"),
+        (lambda p: p.step(np.zeros((3, 4)), np.zeros(2), 0.0), "dt must be positive and finite, got 0.0"),
+    ],
+)
+def test_refuses_states_and_steps_that_are_none(call, complaint):
+    with pytest.raises(ValueError, match=re.escape(complaint)):
+        call(MujocoProblem(POINT, near_the_origin(1.0)))
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (
+            ("<worldbody>", '<option><flag actuation="disable"/></option><worldbody>'),
+            "there is nothing to control",
+        ),
+        (
+            ('ctrlrange="-1 1"/><motor', 'ctrlrange="-1 1" delay="0.02" nsample="3"/><motor'),
+            "acts late (delay)",
+        ),
+    ],
+)
+def test_refuses_actuators_that_do_something_else_than_their_control(change, complaint):
+    with pytest.raises(ValueError, match=re.escape(complaint)):
+        MujocoProblem(POINT.replace(*change), near_the_origin(1.0))
+
+
+def test_a_tendon_whose_force_is_limited_is_refused():
+    drawn = POINT.replace(
+        "<actuator>",
+        '<tendon><fixed name="rope" actuatorfrcrange="-0.1 0.1"><joint joint="x" coef="1"/></fixed></tendon><actuator>'
+        '<motor tendon="rope" ctrlrange="-1 1"/>',
+    )
+    with pytest.raises(ValueError, match="tendon 'rope' has an actuatorfrcrange"):
+        MujocoProblem(drawn, near_the_origin(1.0))
+
+
+@pytest.mark.parametrize(
+    ("reward", "complaint"),
+    [
+        (
+            lambda s: s.sensor("clock")[:, 0],
+            "'clock' is of type mjSENS_CLOCK, whose reading is not that of the state",
+        ),
+        (lambda s: s.sensor("energy")[:, 0], "'energy' is of type mjSENS_E_KINETIC"),
+        (lambda s: s.nothing, "AttributeError: 'Scene' object has no attribute 'nothing'"),
+        (lambda s: (s.qpos[:, 0] > 0).double(), "reward_rate has no slope"),
+        (lambda s: s.qpos[:, 0].detach(), "reward_rate has no slope"),
+        (lambda s: 1.0, "reward_rate must return a tensor"),
+        (lambda s: s.qpos[:, 0].numpy(), "reward_rate or control_cost fails at 3 states: Can't call numpy()"),
+        (None, "reward_rate must be a function of a Scene, got None"),
+    ],
+)
+def test_refuses_rewards_that_cannot_be_followed(reward, complaint):
+    with pytest.raises(ValueError, match=re.escape(complaint)) as caught:
+        MujocoProblem(POINT, reward)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ({"control_timestep": 0.015}, "a whole number of the model's steps of 0.01 s, got 0.015"),
+        ({"control_timestep": -0.01}, "a whole number of the model's steps of 0.01 s, got -0.01"),
+        ({"control_limits": 2.0}, "control_limits must be one for each of 2 controls, got 2.0"),
+        ({"draw": lambda rng, n: np.zeros((n, 2))}, "draw must return Starts(qpos, qvel), got ndarray"),
+        (
+            {"draw": lambda rng, n: Starts(np.zeros((n, 2)), np.zeros((n, 3)))},
+            "qvel of 2 initial states must have shape (2, 2)",
+        ),
+        (
+            {"draw": lambda rng, n: Starts(np.zeros((7, 2)), np.zeros((7, 2)))},
+            "qpos of 2 initial states must have shape (2, 2)",
+        ),
+    ],
+)
+def test_refuses_what_does_not_fit_the_model(options, complaint):
+    with pytest.raises(ValueError, match=re.escape(complaint)):
+        MujocoProblem(POINT, near_the_origin(1.0), **options)
+
+
+def test_a_model_is_taken_in_whatever_way_it_comes():
+    made = [mujoco.MjModel.from_xml_string(POINT), mujoco.MjSpec.from_string(POINT)]
+    for model in made:
+        assert MujocoProblem(model, near_the_origin(1.0)).state_size == 4
+    with pytest.raises(ValueError, match=r"the model must be an MjModel, an MjSpec, XML or a path, got int"):
+        MujocoProblem(3, near_the_origin(1.0))
+    with pytest.raises(ValueError, match=r"unrecognized element Element 'worldbdy', line \d+"):
+        MujocoProblem(POINT.replace("worldbody", "worldbdy"), near_the_origin(1.0))

@@ -156,6 +156,7 @@ def test_an_episode_that_ends_early_pays_no_more():
     assert (pushed < 100).all()
 
 
+@pytest.mark.filterwarnings("ignore:.*is out of date:DeprecationWarning")
 @pytest.mark.parametrize(
     ("environment", "complaint"),
     [
@@ -163,7 +164,8 @@ def test_an_episode_that_ends_early_pays_no_more():
         ("dm_control/cheetah/run", "its reward is not known as a torch function; give --reward"),
         ("gymnasium/Nothing-v5", "gymnasium has no environment 'Nothing-v5'"),
         ("gymnasium/CartPole-v1", "gymnasium/CartPole-v1 is no MuJoCo environment"),
-        ("nowhere.xml", "its reward is not known"),
+        ("gymnasium/HalfCheetah-v3", "gymnasium has no environment 'HalfCheetah-v3'"),
+        ("dm_control/lqr/lqr_2_1", "has no time limit"),
     ],
 )
 def test_says_in_one_line_what_it_cannot_learn(environment, complaint):
@@ -172,6 +174,18 @@ def test_says_in_one_line_what_it_cannot_learn(environment, complaint):
     with pytest.raises(ValueError, match=complaint) as caught:
         MujocoTask(environment)
     assert "\n" not in str(caught.value)
+
+
+def test_a_model_that_is_another_in_each_episode_is_refused():
+    pytest.importorskip("dm_control")
+    reward = f"{__name__}:_to_the_left"
+    with pytest.raises(ValueError, match=r"each episode has another model \(wrap_prm\), and one is learned"):
+        MujocoTask("dm_control/point_mass/hard", reward)
+    assert MujocoTask("dm_control/point_mass/easy", reward).problem.state_size == 4
+
+
+def _to_the_left(scene):
+    return -scene.geom("pointmass")[:, 0]
 
 
 def test_the_commands_learn_judge_draw_and_go_on(tmp_path, monkeypatch, capsys):
@@ -204,3 +218,15 @@ def test_the_commands_learn_judge_draw_and_go_on(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "task" / "episode.mp4").stat().st_size > 1000
     assert main(["train", "--out", "never", "--problem", "mujoco"]) == 2
     assert "problem must name a model" in capsys.readouterr().err
+    (tmp_path / "half_reward.py").write_text("def reward(scene:\n")
+    for arguments, complaint in (
+        (["--problem", "nowhere.xml"], "there is no model"),
+        (["--problem", "pole.xml", "--reward", "half_reward:reward"], "SyntaxError in half_reward"),
+    ):
+        assert main(["train", "--out", "never", *arguments]) == 2
+        err = capsys.readouterr().err
+        assert complaint in err
+        assert err.count("\n") == 1
+    (tmp_path / "pole.xml").write_text((tmp_path / "pole.xml").read_text().replace("0.1", "0.2"))
+    assert main(["evaluate", "own", "--episodes", "2"]) == 2
+    assert "pole.xml has changed since it was learned from" in capsys.readouterr().err
