@@ -17,7 +17,7 @@ from swimmer_mj.learning.networks.actors import Actor, BatchActor, TorchActor, b
 from swimmer_mj.learning.networks.batched import BLOCK
 from swimmer_mj.learning.networks.networks import Cascade, ValueNetwork
 from swimmer_mj.learning.problems.differentiable import transition, transition_pullback
-from swimmer_mj.learning.problems.forms import CoordinatesForm
+from swimmer_mj.learning.problems.forms import CoordinatesForm, CostForm, TorchForm
 from swimmer_mj.learning.problems.held import Memory
 from swimmer_mj.learning.problems.problem import ControlProblem
 from swimmer_mj.learning.value_gradient.equations import huber, targets, value_and_gradient_loss
@@ -264,12 +264,25 @@ def engine_for(
     """The engine of that name; "auto" compiles what can be."""
     if engine not in ("auto", "compiled", "torch"):
         raise ValueError(f"engine must be 'auto', 'compiled' or 'torch', got {engine!r}")
-    obstacle = batch_obstacle(problem, network) or _obstacle(settings)
+    obstacle, in_torch = batch_obstacle(problem, network) or _obstacle(settings), _torch_obstacle(problem)
+    if obstacle and in_torch:
+        raise ValueError(f"engine 'compiled' {obstacle}; change that, for engine 'torch' {in_torch}")
     if engine == "compiled" and obstacle:
         raise ValueError(f"engine 'compiled' {obstacle}; use 'torch'")
+    if engine == "torch" and in_torch:
+        raise ValueError(f"engine 'torch' {in_torch}; use 'compiled'")
     if engine == "torch" or obstacle:
         return _TorchEngine(problem, network, settings)
     return _CompiledEngine(problem, network, settings)
+
+
+def _torch_obstacle(problem: ControlProblem) -> str | None:
+    """Why torch cannot do it, to be read after "engine 'torch'"."""
+    if problem.form(TorchForm) is None:
+        return f"needs a problem in torch, as a DifferentiableProblem is, and {problem.name!r} is not"
+    if problem.form(CostForm) is not None:
+        return f"does not know what the controls of {problem.name!r} cost"
+    return None
 
 
 def _obstacle(settings: ValueGradientSettings) -> str | None:

@@ -18,7 +18,7 @@ from swimmer_mj.learning.problems.differentiable import (
     transition,
     transition_pullback,
 )
-from swimmer_mj.learning.problems.forms import LanesForm, TorchForm
+from swimmer_mj.learning.problems.forms import CostForm, LanesForm, TorchForm
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.problem import discount_shares
 from swimmer_mj.learning.problems.swim import Swimming
@@ -363,6 +363,50 @@ def test_what_cannot_be_compiled_is_said():
     assert ValueGradientLearner(Pendulum(), multilayer(3), SMALL).engine == "torch"
 
 
+class Compiled(Swimming):
+    """A swimmer that is compiled and not stated in torch, as a MuJoCo model is."""
+
+    def form(self, kind):
+        return None if kind is TorchForm else Swimming().form(kind)
+
+
+class Dear(Pendulum):
+    """A pendulum in torch whose torque costs."""
+
+    def form(self, kind):
+        return CostForm(lambda x: np.ones((*x.shape[:-1], 1))) if kind is CostForm else Pendulum().form(kind)
+
+
+@pytest.mark.parametrize(
+    ("problem", "settings", "engine", "complaint"),
+    [
+        (
+            Compiled(),
+            {},
+            "torch",
+            "engine 'torch' needs a problem in torch, as a Diff.* 'swim5' is not; use",
+        ),
+        (
+            Compiled(),
+            {"minibatch": 100},
+            "auto",
+            "a multiple of 32, not 100; change that, for engine 'torch' needs a problem in torch",
+        ),
+        (
+            Compiled(),
+            {"trajectories": 60, "minibatch": 64},
+            "compiled",
+            "needs trajectories to be a multiple of 32, not 60; change that",
+        ),
+        (Dear(), {}, "auto", "engine 'torch' does not know what the controls of 'pendulum' cost"),
+    ],
+)
+def test_what_no_engine_can_take_is_refused_in_one_line(problem, settings, engine, complaint):
+    network = multilayer(problem.n_inputs)
+    with pytest.raises(ValueError, match=complaint):
+        ValueGradientLearner(problem, network, dataclasses.replace(SMALL, **settings), engine=engine)
+
+
 class Thrifty(Swimming):
     """A reward of its own, which no engine knows."""
 
@@ -380,7 +424,9 @@ class Rectified(Multilayer):
 
 
 def test_what_a_subclass_changes_is_not_ignored():
-    with pytest.raises(TypeError, match="'swim5' has no torch form; describe it as a DifferentiableProblem"):
+    with pytest.raises(
+        ValueError, match=r"engine 'torch' needs a problem in torch, as a .* and 'swim5' is not"
+    ):
         ValueGradientLearner(Thrifty(), multilayer(17))
     assert Thrifty().form(LanesForm) is None
     assert Swimming().form(LanesForm) is not None
