@@ -17,7 +17,17 @@ import types
 from collections.abc import Sequence
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-__all__ = ["METHODS", "PROBLEMS", "find", "from_json", "problem_named", "setting", "to_json", "trust"]
+__all__ = [
+    "METHODS",
+    "PROBLEMS",
+    "find",
+    "from_json",
+    "problem_named",
+    "require_imported",
+    "setting",
+    "to_json",
+    "trust",
+]
 
 PROBLEMS = {
     "swim": "swimmer_mj.learning.problems.swim:Swimming",
@@ -25,6 +35,8 @@ PROBLEMS = {
     "cart-pole": "swimmer_mj.learning.problems.cart_pole:CartPole",
     "mujoco": "swimmer_mj.learning.problems.mujoco.task:MujocoTask",
 }
+TYPED = {"mujoco": "dm_control/DOMAIN/TASK, gymnasium/ID, FILE.xml"}
+"""What is typed in place of a name: :func:`problem_named`."""
 METHODS = {
     "td": "swimmer_mj.learning.td.method:TemporalDifferences",
     "value-gradient": "swimmer_mj.learning.value_gradient.method:ValueGradients",
@@ -33,7 +45,7 @@ METHODS = {
 
 def problem_named(name: str) -> tuple[str, dict[str, Any]]:
     """The problem that "dm_control/cartpole/swingup", "gymnasium/Swimmer-v5" or "arm.xml" is, and its options."""
-    if name.startswith(("dm_control/", "gymnasium/")) or name.endswith(".xml"):
+    if isinstance(name, str) and (name.startswith(("dm_control/", "gymnasium/")) or name.endswith(".xml")):
         return "mujoco", {"environment": name}
     return name, {}
 
@@ -51,12 +63,10 @@ def find(name: str, known: dict[str, str], what: str, importing: bool = True) ->
         raise ValueError(f"{what} must be named by a string, got {name!r}")
     module_name, colon, attribute = known.get(name, name).partition(":")
     if not (colon and module_name and attribute):
-        raise ValueError(f"{what} must be one of {', '.join(known)}, or module:Class; got {name!r}")
-    if not (importing or name in known or module_name in sys.modules):
-        raise ValueError(
-            f"{what} {name!r} is code that does not come with swimmer-mj, and reading a run does not run it; if you "
-            f"trust it, add --trust {module_name}, in Python import it before"
-        )
+        names = ", ".join(TYPED.get(one, one) for one in known)
+        raise ValueError(f"{what} must be one of {names}, or module:Class; got {name!r}")
+    if not (importing or name in known):
+        require_imported(module_name, f"{what} {name!r}")
     try:
         found = importlib.import_module(module_name)
         for part in attribute.split("."):
@@ -68,6 +78,15 @@ def find(name: str, known: dict[str, str], what: str, importing: bool = True) ->
     if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
         raise ValueError(f"{what} {name!r} must be a dataclass, whose fields config.json keeps")
     return found
+
+
+def require_imported(module: str, what: str) -> None:
+    """Refuse ``what`` a file names, unless its ``module`` has been imported before."""
+    if module not in sys.modules:
+        raise ValueError(
+            f"{what} is code that does not come with swimmer-mj, and reading a run does not run it; if you trust it, "
+            f"add --trust {module}, in Python import it before"
+        )
 
 
 def trust(modules: Sequence[str]) -> None:

@@ -227,7 +227,7 @@ def _jobs(asked: dict[str, Any]) -> tuple[list[Job], int]:
 
 def _config(asked: dict[str, Any], settings: dict[str, Any], count: int) -> Any:
     """The configuration with ``settings``, by the names of train's options and of --set; "null" is None."""
-    from swimmer_mj.learning.runs.registry import METHODS, PROBLEMS, find
+    from swimmer_mj.learning.runs.registry import METHODS, PROBLEMS, find, problem_named
 
     options = {name: value for name, value in settings.items() if name in OPTIONS}
     others = [
@@ -236,12 +236,23 @@ def _config(asked: dict[str, Any], settings: dict[str, Any], count: int) -> Any:
         if name not in OPTIONS
     ]
     problem, method = asked.get("problem", "swim"), asked.get("method", "td")
-    find(problem, PROBLEMS, "problem", importing=False)
+    find(problem_named(problem)[0], PROBLEMS, "problem", importing=False)
     find(method, METHODS, "method", importing=False)
+    if "reward" in options:
+        _require_trusted(options["reward"])
     config = configured(problem, method, options, count)
     config = changed(config, others)
     every = _integer(asked, "evaluate_every", config.evaluate_every)
     return dataclasses.replace(config, evaluate_every=every)
+
+
+def _require_trusted(reward: Any) -> None:
+    """Refuse what is no function's name, or one whose module is not trusted: what a file names is not run."""
+    from swimmer_mj.learning.runs.registry import require_imported
+
+    if not (isinstance(reward, str) and ":" in reward):
+        raise ValueError(f"reward must be like my_module:reward, got {reward!r}")
+    require_imported(reward.partition(":")[0], f"reward {reward!r}")
 
 
 def _table(asked: dict[str, Any], name: str) -> dict[str, Any]:

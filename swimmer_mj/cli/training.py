@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 __all__ = ["OPTIONS", "changed", "configured", "parse_seeds", "train", "train_runs"]
 
 OPTIONS = (
-    "links", "physics", "coordinates", "held", "engine", "neurons", "eta", "s_gamma", "s_lambda", "vario_eta", "dtype",
-    "device",
+    "links", "reward", "physics", "coordinates", "held", "engine", "neurons", "eta", "s_gamma", "s_lambda", "vario_eta",
+    "dtype", "device",
 )  # fmt: skip
 """Those of the options of :func:`train` that belong to a problem or a method."""
 

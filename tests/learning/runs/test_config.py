@@ -79,7 +79,8 @@ def test_a_class_of_ones_own_is_named_by_its_place():
         ({"schema": 3}, "schema must be 2, got 3: written by a newer version"),
         (
             {"problem": {"name": "fly"}},
-            "problem must be one of swim, pendulum, cart-pole, mujoco, or module:Class; got 'fly'",
+            "problem must be one of swim, pendulum, cart-pole, dm_control/DOMAIN/TASK, gymnasium/ID, FILE.xml, or "
+            "module:Class; got 'fly'",
         ),
         ({"problem": {"name": "pendulum", "wings": 2}}, "Pendulum has no setting 'wings'"),
         ({"problem": {"name": "pendulum", "mass": -1.0}}, "mass must be positive and finite, got -1.0"),

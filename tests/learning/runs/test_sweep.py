@@ -10,6 +10,7 @@ import torch
 
 from swimmer_mj.cli import main
 from swimmer_mj.cli.sweep import read_jobs
+from swimmer_mj.cli.training import changed, configured
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint
 from swimmer_mj.learning.runs.config import read_config
 from swimmer_mj.learning.runs.engines.local import LocalEngine
@@ -81,6 +82,51 @@ def test_a_file_becomes_jobs(file):
         6,
         0.5,
         10,
+    )
+
+
+def test_an_environment_is_configured_as_train_does_it(tmp_path, suite):
+    path, name = tmp_path / "sweep.toml", "dm_control/pendulum/swingup"
+    path.write_text(f"problem = '{name}'\nmethod = 'value-gradient'\ntrials = 1\n[set]\npasses = 3")
+    (job,), _ = read_jobs(path)
+    assert job.config == changed(configured(name, "value-gradient", {}, 1), ["passes=3"])
+    settings = job.config.method.settings
+    assert (settings.dt, settings.s_lambda, settings.passes) == (0.02, 5.0, 3)  # two of the task's advice
+
+
+MODEL = """<mujoco><option timestep="0.1"/><worldbody><body><joint name="x" type="slide" damping="1"/><geom size="0.1"/>
+</body></worldbody><actuator><motor joint="x" ctrlrange="-1 1"/></actuator></mujoco>"""
+OF_MODEL = """
+problem = "cart.xml"
+method = "value-gradient"
+trials = 1
+evaluate_every = 1
+[set]
+reward = "rewards_of_a_sweep:near"
+trajectories = 32
+minibatch = 32
+layers = [4]
+[grid]
+steps = [5, 8]
+"""
+
+
+def test_a_model_is_swept_with_a_reward_of_ones_own_that_is_trusted(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    Path("cart.xml").write_text(MODEL)
+    Path("sweep.toml").write_text(OF_MODEL)
+    Path("rewards_of_a_sweep.py").write_text("def near(scene):\n    return -scene.joint('x') ** 2\n")
+    sweep = ["sweep", "sweep.toml", "--out", "out"]
+    assert main(sweep) == 2
+    assert "reward 'rewards_of_a_sweep:near' is code that does not come with" in capsys.readouterr().err
+    assert not Path("out").exists()
+    assert main([*sweep, "--trust", "rewards_of_a_sweep", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["done"] == 2
+    problem = read_config("out/steps-8/seed-0").problem
+    assert (problem.environment, problem.reward_function) == (
+        str(tmp_path / "cart.xml"),
+        "rewards_of_a_sweep:near",
     )
 
 
@@ -164,6 +210,8 @@ def test_another_sweep_is_not_mixed_in(file, tmp_path, capsys):
         ("trials = 1\n[random]\nsamples = 2\neta = 3", "[random] eta must be a list, or like"),
         ("trials = 1\n[random]\nsamples = 1000000\neta = [1]", "at most 10,000 runs, and this one asks for 1,000,000"),
         ("trials = 1\nproblem = 'fly'", "problem must be one of swim"),
+        ("trials = 1\nproblem = 3", "problem must be named by a string, got 3"),
+        ("trials = 1\nproblem = 'a.xml'\n[set]\nreward = 3", "reward must be like my_module:reward, got 3"),
         ("trials = 1\nproblem = 'this:Zen'", "if you trust it, add --trust this"),
     ],
 )  # fmt: skip
