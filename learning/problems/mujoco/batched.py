@@ -219,6 +219,11 @@ class MujocoBatch:
         held = torch.from_numpy(u).transpose(1, 2).reshape(T * N, -1)
         with torch.enable_grad():
             r, c = self._rate(state, values)
+            if not r.requires_grad:
+                raise ValueError(
+                    "the reward has no slope, which value gradients follow (constant, a comparison, or detached): "
+                    "give a smooth one, or learn with --method td"
+                )
             r = dt * (r - (c * held**2).sum(dim=1))
             drdx, rho = torch.autograd.grad(
                 r.sum(), (state, values), allow_unused=True, materialize_grads=True

@@ -199,8 +199,8 @@ _SWIMMER = Task(
     draw=_swim_anywhere,
     goal=_target,
     relative=_from_target,
-    s_gamma=0.3,
-    advice={"s_lambda": 1.0, "value_weight": 1.0},
+    s_gamma=0.15,
+    advice={"s_lambda": 1.0, "value_weight": 1.0, "half_life": 250.0},
 )
 
 _SEVERAL_POLES = Task(
