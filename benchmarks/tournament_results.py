@@ -218,7 +218,9 @@ def draw(everyone: Mapping[str, Sequence[Looks]]) -> Figure:
             axes.tick_params(labelleft=False)
             axes.sharey(row[0])
     handles = [
-        Line2D([], [], label=f"{NAMES[name]}, {len(learners)} seed{'s' * (len(learners) > 1)}", **styles[name])
+        Line2D(
+            [], [], label=f"{NAMES[name]}, {len(learners)} seed{'s' * (len(learners) > 1)}", **styles[name]
+        )
         for name, learners in everyone.items()
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False)
