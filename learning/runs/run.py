@@ -181,8 +181,9 @@ class TrainingRun:
 
     @property
     def left(self) -> int:
-        """Trials until the next evaluation."""
-        return self.config.evaluate_every - (self.trial - self.evaluated_trial)
+        """Trials until the next evaluation: each whole multiple of ``evaluate_every`` has one."""
+        every = self.config.evaluate_every
+        return every * (self.evaluated_trial // every + 1) - self.trial
 
     @property
     def evaluated_trial(self) -> int:

@@ -164,10 +164,7 @@ class Pack:
             count = max(1, round(STRETCH_SECONDS * rate))
         rows = []
         for run in self._due():
-            metrics = run.evaluate(run.seconds + time.perf_counter() - before)
-            run.save(metrics)
-            report(Report(run, None, metrics))
-            rows.append(metrics)
+            rows.append(_evaluate(run, run.seconds + time.perf_counter() - before, report))
         self._say_what_diverged()
         return rows
 
@@ -215,6 +212,14 @@ class Pack:
             raise FloatingPointError("; ".join(news))
 
 
+def _evaluate(run: TrainingRun, seconds: float, report: Callable[[Report], None]) -> Metrics:
+    """Evaluate ``run``, which has taken ``seconds`` so far, save it and report that."""
+    metrics = run.evaluate(seconds)
+    run.save(metrics)
+    report(Report(run, None, metrics))
+    return metrics
+
+
 def train_together(
     runs: Sequence[TrainingRun],
     *,
@@ -235,7 +240,8 @@ def train_together(
     trials : int, optional
         Each run stops at the first evaluation with at least this many trials.
     seconds : float, optional
-        Wall-clock time after which all runs stop and are saved as they stand. More of them than workers share it.
+        Wall-clock time after which all runs stop and are saved as they stand; what was never evaluated is, so that
+        there is a result. More of them than workers share it.
     enough : callable
         As soon as it is true of one run after an evaluation, all runs stop.
     report : callable
@@ -276,8 +282,12 @@ def train_together(
                     diverged.append(str(error))
                 if any(enough(run) for run in pack.runs):
                     finished.set()
-            for run in pack.runs:  # those that were out of step with the one that was evaluated last
-                run.save_unfinished()
+            timed_out = time.monotonic() > deadline and not (finished.is_set() or stop())
+            for run in pack.runs:
+                if timed_out and run.trial > 0 and not run.history:
+                    _evaluate(run, run.seconds, report)
+                else:  # may be out of step with the one that was evaluated last
+                    run.save_unfinished()
         except BaseException:
             finished.set()
             raise

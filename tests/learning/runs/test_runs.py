@@ -338,14 +338,38 @@ def test_runs_together_stop_when_one_is_good_enough(tmp_path):
     assert max(len(run.history) for run in runs) == 2
 
 
-def test_runs_together_stop_in_time_and_keep_what_they_learned(tmp_path):
+def test_runs_together_stop_in_time_and_what_was_never_evaluated_is(tmp_path):
     run = TrainingRun(tmp_path / "run", small(evaluate_every=10**9))
-    train_together([run], seconds=0.2)
-    assert run.history == []
+    reports = []
+    train_together([run], seconds=0.2, report=reports.append)
+    (row,) = run.history
+    assert reports[-1].metrics == row
+    first = run.trial
+    assert row.trial == first > 0
+    train_together([run], seconds=0.2)  # it has a result: what is learned now waits for its evaluation
     resumed = TrainingRun(tmp_path / "run", resume=True)
-    assert resumed.trial == run.trial > 0
-    assert resumed.best_speed == -np.inf
+    assert resumed.history == [row]
+    assert resumed.trial == run.trial > first
     assert torch.equal(resumed.learning.network.weight, run.learning.network.weight)
+    assert load_policy(tmp_path / "run", "last")[2]["trial"] == first
+
+
+def test_a_run_that_is_told_to_stop_before_its_first_evaluation_stops_at_once(tmp_path):
+    run = TrainingRun(tmp_path / "run", small(evaluate_every=10**9))
+    train_together([run], seconds=1e-3, stop=lambda: run.trial > 0)
+    assert run.history == []
+    assert TrainingRun(tmp_path / "run", resume=True).trial == run.trial > 0
+
+
+def test_an_evaluation_in_between_moves_no_other(tmp_path):
+    run, whole = (TrainingRun(tmp_path / name, small()) for name in ("run", "whole"))
+    assert advance(run, stop=lambda: True) is None
+    run.save(run.evaluate(run.seconds))
+    for one in (run, run, whole, whole):
+        advance(one)
+    assert [row.trial for row in run.history][1:] == [20, 40]
+    assert rows_of(run)[2:] == rows_of(whole)[1:]
+    assert torch.equal(run.learning.network.weight, whole.learning.network.weight)
 
 
 def test_more_runs_than_workers_share_the_time(tmp_path):
