@@ -87,6 +87,10 @@ def test_help_imports_nothing_heavy():
             ["train", "--out", "/proc/x"],
             "--out cannot be /proc/x: /proc is not to be written to; choose another",
         ),
+        (["train", "--out", ""], "--out must not be empty, got ''; is a variable of the shell not set?"),
+        (["train", "--out="], "--out must not be empty, got ''"),
+        (["evaluate", ""], "an argument must not be empty, got ''"),
+        (["render", "swim5-paper", "--out", "r/v.avi"], "a picture is written as .mp4, .mkv"),
         (["train", "--out", "r", "--seeds", "0-100000"], "--seeds names more than 1,000 seeds: '0-100000'"),
         (["train", "--out", "r", "--seed", "99999999999999999999"], "--seed must be less than 2**63"),
         (["train", "--out", "r", "--links", "100000000"], "n_links must be at most 1000, got 100000000"),
@@ -95,6 +99,7 @@ def test_help_imports_nothing_heavy():
             "neurons must be an integer of at most 4096, got 1000000",
         ),
         (["train", "--out", "r", "--set", "dt=fast"], "dt must be of type float, got 'fast'"),
+        (["train", "--out", "r", "--set", "held=False"], "held must be true or false, got 'False'"),
         (["train", "--out", "r", "--set", "dt=NaN"], "dt must be positive and finite, got nan"),
         (
             ["train", "--out", "r", "--set", "trial_duration=1e300"],

@@ -137,7 +137,8 @@ def setting(kind: type[Any], name: str, value: Any) -> Any:
         return _value(hint, value)
     except TypeError:
         wanted = hint.__name__ if isinstance(hint, type) else str(hint).replace("typing.", "")
-        raise ValueError(f"{name} must be of type {wanted}, got {value!r}") from None
+        what = "true or false" if hint is bool else f"of type {wanted}"
+        raise ValueError(f"{name} must be {what}, got {value!r}") from None
 
 
 def _value(hint: Any, value: Any) -> Any:

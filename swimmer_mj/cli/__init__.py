@@ -12,6 +12,7 @@ import contextlib
 import functools
 import inspect
 import io
+import itertools
 import os
 import re
 import shutil
@@ -86,6 +87,19 @@ def _parse(arguments: Sequence[str]) -> functools.partial[None]:
     return app.cli(prog="swimmer-mj", description=_DESCRIPTION, args=arguments, config=(FlagCreatePairsOff,))
 
 
+def _empty(arguments: Sequence[str]) -> str | None:
+    """Which argument is empty, as one that the shell has made of a variable that is not set; None if none is.
+
+    As a path it would be the working directory.
+    """
+    for before, argument in itertools.pairwise(["", *arguments]):
+        if argument == "":
+            return before if before.startswith("--") else "an argument"
+        if re.fullmatch("--[^=]+=", argument):
+            return argument[:-1]
+    return None
+
+
 def _unboxed(message: str) -> str:
     """What the parser says, as sentences, without the box it draws, whose title only says it twice."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", message)
@@ -112,6 +126,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments in (["--help"], ["-h"]):
         print(_help())
         return 0
+    if (empty := _empty(arguments)) is not None:
+        return _complain(f"{empty} must not be empty, got ''; is a variable of the shell not set?")
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):

@@ -141,10 +141,16 @@ def places_in(directory: Path, picture: Picture | None = None) -> dict[Picture, 
 def place_of(out: Path, picture: Picture | None, fps: int) -> dict[Picture, Path] | None:
     """What is to be drawn if ``out`` is the name of a picture's file; None if it is a directory's.
 
-    By its suffix: a video, or a still picture, the film strip if none is named.
+    By its suffix: a video, or a still picture, the film strip if none is named. Another one of several letters is taken
+    for a slip, unless the directory is there.
     """
-    if out.is_dir() or out.suffix.lower() not in (*STILLS, *VIDEOS):
+    if out.is_dir() or sum(map(str.isalpha, out.suffix)) < 2:
         return None
+    if out.suffix.lower() not in (*STILLS, *VIDEOS):
+        raise ValueError(
+            f"--out: a picture is written as {', '.join((*VIDEOS, *STILLS))}, got {out}; if that is to be a directory, "
+            "make it before"
+        )
     if out.suffix not in (*STILLS, *VIDEOS):
         raise ValueError(f"--out: the suffix of a picture is written {out.suffix.lower()}, got {out}")
     chosen: Picture = picture or ("video" if out.suffix in VIDEOS else "film-strip")

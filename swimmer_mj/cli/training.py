@@ -77,8 +77,8 @@ def train(
         seed: Seed of initial weights and initial states.
         seeds: Several seeds instead, trained side by side: 0-7, or 1,4,9.
         trials: Stop at the first evaluation with at least this many trials.
-        seconds: Stop after this many seconds, which more seeds than cores share. Without this and --trials: after
-            100,000 trials.
+        seconds: Stop after this many seconds, which more seeds than cores share, and evaluate what never was. Without
+            this and --trials: after 100,000 trials.
         links: Number of links of the swimmer; 5 by default, as in the paper.
         resume: Go on with the run that is in the directory, as it was configured.
         problem: What to learn: swim, pendulum, cart-pole; dm_control/DOMAIN/TASK or gymnasium/ID, on MuJoCo; a model

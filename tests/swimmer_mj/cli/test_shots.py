@@ -63,6 +63,7 @@ def test_sizes_and_slow_motion():
         ("a.pdf", "gait", "gait"),
         ("folder", None, None),
         ("folder.d", None, None),
+        ("of-version-0.2", None, None),
     ],
 )
 def test_a_suffix_says_what_is_drawn(name, picture, place):
@@ -70,8 +71,9 @@ def test_a_suffix_says_what_is_drawn(name, picture, place):
 
 
 def test_a_directory_may_be_called_anything(tmp_path):
-    (tmp_path / "runs.pdf").mkdir()
-    assert place_of(tmp_path / "runs.pdf", None, 30) is None
+    for name in ("runs.pdf", "runs.old"):
+        (tmp_path / name).mkdir()
+        assert place_of(tmp_path / name, None, 30) is None
     assert places_in(tmp_path) == {name: tmp_path / file for name, file in PICTURES.items()}
     assert places_in(tmp_path, "gait") == {"gait": tmp_path / "gait.png"}
 
@@ -82,6 +84,13 @@ def test_a_directory_may_be_called_anything(tmp_path):
         ("a.gif", None, 60, "--fps must be at most 50 for a GIF"),
         ("a.mp4", "gait", 30, r"a gait is written as \.png, \.svg, \.pdf, got a\.mp4"),
         ("a.png", "video", 30, r"a video is written as \.mp4, \.mkv, \.mov, \.gif, \.webp, got a\.png"),
+        (
+            "a.avi",
+            None,
+            30,
+            r"written as \.mp4, .* \.pdf, got a\.avi; if that is to be a directory, make it before",
+        ),
+        ("a.jpg", "gait", 30, r"written as \.mp4, .* \.pdf, got a\.jpg"),
         ("a.GIF", None, 30, r"the suffix of a picture is written \.gif, got a\.GIF"),
     ],
 )
