@@ -81,6 +81,10 @@ class GreedyPolicy(Generic[Network]):
     def judge(self, x: Array) -> Judgement:
         """Control, value and Hamiltonian at ``x``, shape (..., p)."""
         problem = self.problem
+        if np.shape(x)[-1:] != (problem.state_size,):
+            raise ValueError(
+                f"x must have shape (..., {problem.state_size}) for {problem.name!r}, got {np.shape(x)}"
+            )
         dtype = next(self.network.parameters()).dtype
         state = torch.tensor(x, dtype=dtype, requires_grad=True)
         V = self.network(problem.inputs(state))

@@ -35,6 +35,19 @@ def test_acts_in_the_task_of_its_links(suite):
     environment.physics.free()
 
 
+@pytest.mark.parametrize("batches", [False, True])
+def test_what_another_swimmer_observes_is_refused(batches):
+    policy = load_pretrained("swim5-paper").policy
+    agent, seen = SwimmingPolicy(policy, batches), {"angles": np.zeros((2, 3)), "velocity": np.zeros((2, 2))}
+    complaint = (
+        r"observation must be that of 'swim5', angles of shape \(\.\.\., 5\), got \(2, 3\); take a policy"
+    )
+    with pytest.raises(ValueError, match=complaint):
+        agent({**seen, "angular_velocities": seen["angles"]})
+    with pytest.raises(ValueError, match=r"x must have shape \(\.\.\., 12\) for 'swim5', got \(8,\)"):
+        policy(np.zeros(8))  # as Gymnasium gives it
+
+
 def test_each_is_small():
     for name in pretrained_names():
         assert sum(path.stat().st_size for path in pretrained_directory(name).iterdir()) < 80_000

@@ -144,7 +144,13 @@ class SwimmingPolicy:
 
     def __call__(self, observation: Mapping[str, ArrayLike]) -> Array:
         """Action, shape (..., n - 1)."""
-        return self._act(observed_state(observation)) / self.policy.problem.control_limits
+        x, problem = observed_state(observation), self.policy.problem
+        if x.shape[-1] != problem.state_size:
+            raise ValueError(
+                f"observation must be that of {problem.name!r}, angles of shape (..., {problem.state_size // 2 - 1}), "
+                f"got {np.shape(observation['angles'])}; take a policy of as many links"
+            )
+        return self._act(x) / problem.control_limits
 
 
 # Learning, judging, recording -------------------------------------------------------------------------------------
