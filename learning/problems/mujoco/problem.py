@@ -13,8 +13,9 @@ constraint becomes active. :meth:`MujocoProblem.caution` says at which share of 
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, TypeVar
 
 import mujoco
@@ -173,7 +174,7 @@ class MujocoProblem:
         """Leave out the positions of these joints."""
         self.layout = layout(self.model, without, self.goal_size)
         self.state_size = len(self.layout.names)
-        self.__dict__.pop("_single", None)  # which was of another layout
+        self.__dict__.pop("_own", None)  # which was of another layout
 
     # The reward ----------------------------------------------------------------------------------------------------
 
@@ -199,10 +200,17 @@ class MujocoProblem:
 
     # ControlProblem ------------------------------------------------------------------------------------------------
 
-    @cached_property
+    @property
     def _single(self) -> MujocoBatch:
-        """For calls from Python, one at a time."""
-        return self.batch()
+        """For calls from Python, one at a time in each thread: the runs of several seeds share a problem."""
+        own = self.__dict__.setdefault("_own", threading.local())
+        if not hasattr(own, "batch"):
+            own.batch = self.batch()
+        return own.batch
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what belongs to a thread, and is made again when it is needed."""
+        return {name: value for name, value in self.__dict__.items() if name != "_own"}
 
     def batch(self, centred: bool = False) -> MujocoBatch:
         """Its compiled loops, with buffers of their own; with central differences if ``centred``."""

@@ -39,20 +39,28 @@ def same_reward(rate: Rate, x: Array, values: Array, y: Array, others: Array) ->
     size = 1 + before.detach().abs()
     if not bool(((after - before.detach()).abs() < TOLERANCE * size).all()):
         return False
-    changes = y - x, others - values
-    moved = tuple(
-        (np.abs(d) > 1e-9 * (1 + np.abs(a))).any(axis=0) for d, a in zip(changes, (x, values), strict=True)
-    )
-    if not reads(rate, x, values, *moved):
+    steps = y - x, others - values
+    rows, readings = (_where(step, at) for step, at in zip(steps, (x, values), strict=True))
+    if not reads(rate, x, values, rows, readings):
         return True
+    return before.requires_grad and _would_show(before, (state, read), steps, size)
+
+
+def _where(step: Array, at: Array) -> NDArray[np.bool_]:
+    """The columns in which ``step`` is no rounding error."""
+    return np.any(np.abs(step) > 1e-9 * (1 + np.abs(at)), axis=0)
+
+
+def _would_show(
+    before: Tensor, inputs: tuple[Tensor, Tensor], steps: tuple[Array, Array], size: Tensor
+) -> bool:
+    """Whether at some state the slope along what changes is steep enough for the change to be seen, by itself."""
     for k in range(before.shape[1]):
-        if not before.requires_grad:
-            return False
-        slopes = torch.autograd.grad(before[:, k].sum(), (state, read), retain_graph=True, allow_unused=True)
-        for slope, change in zip(slopes, changes, strict=True):
-            if slope is not None and bool(
-                (np.abs(slope.numpy() * change) > 10 * TOLERANCE * size[:, [k]].numpy()).any()
-            ):
+        slopes = torch.autograd.grad(before[:, k].sum(), inputs, retain_graph=True, allow_unused=True)
+        for slope, step in zip(slopes, steps, strict=True):
+            if slope is None:
+                continue
+            if bool((slope.mul(torch.from_numpy(step)).abs() > 10 * TOLERANCE * size[:, [k]]).any()):
                 return True
     return False
 

@@ -99,7 +99,12 @@ def drawn(model: Any, draw: Draw, rng: np.random.Generator, count: int) -> Start
     found = draw(rng, count)
     if not isinstance(found, Starts):
         raise ValueError(f"draw must return Starts(qpos, qvel), got {type(found).__name__}")
-    starts = Starts(*(None if part is None else np.asarray(part, dtype=np.float64) for part in found))
+    goal, act = (
+        None if part is None else np.asarray(part, dtype=np.float64) for part in (found.goal, found.act)
+    )
+    starts = Starts(
+        np.asarray(found.qpos, dtype=np.float64), np.asarray(found.qvel, dtype=np.float64), goal, act
+    )
     for name, size in (("qpos", model.nq), ("qvel", model.nv), ("act", model.na)):
         value = getattr(starts, name)
         if value is not None and value.shape != (count, size):

@@ -4,6 +4,7 @@ import copy
 import multiprocessing
 import re
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import mujoco
 import numpy as np
@@ -396,6 +397,19 @@ def test_films_show_the_policy_the_goal():
         pass
     assert seen == [goal] * 3
     assert goal > 2
+
+
+def test_several_threads_may_ask_at_once():
+    """As the runs of several seeds do, which share a problem."""
+    problem = MujocoProblem(ARM, reach, without=(), threads=1)
+    batches = [problem.initial_states(np.random.default_rng(k), 200) for k in range(4)]
+    expected = [problem.step(x, np.ones(2), 0.01) for x in batches]
+
+    def differs(k):
+        return any((problem.step(batches[k], np.ones(2), 0.01) != expected[k]).any() for _ in range(100))
+
+    with ThreadPoolExecutor(4) as pool:
+        assert not any(pool.map(differs, range(4)))
 
 
 def test_copies_and_children_of_a_problem_that_has_been_used_can_be_used():
