@@ -11,11 +11,12 @@ configuration imports no module, and a run of one's own problem or method needs 
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import sys
 import types
 from collections.abc import Sequence
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from swimmer_mj.own_code import import_own
 
 __all__ = [
     "METHODS",
@@ -45,7 +46,9 @@ METHODS = {
 
 def problem_named(name: str) -> tuple[str, dict[str, Any]]:
     """The problem that "dm_control/cartpole/swingup", "gymnasium/Swimmer-v5" or "arm.xml" is, and its options."""
-    if isinstance(name, str) and (name.startswith(("dm_control/", "gymnasium/")) or name.endswith(".xml")):
+    if isinstance(name, str) and (
+        name.startswith(("dm_control/", "gymnasium/")) or name.lower().endswith(".xml")
+    ):
         return "mujoco", {"environment": name}
     return name, {}
 
@@ -67,12 +70,10 @@ def find(name: str, known: dict[str, str], what: str, importing: bool = True) ->
         raise ValueError(f"{what} must be one of {names}, or module:Class; got {name!r}")
     if not (importing or name in known):
         require_imported(module_name, f"{what} {name!r}")
+    found: Any = import_own(module_name, f"{what} {name!r}")
     try:
-        found = importlib.import_module(module_name)
         for part in attribute.split("."):
             found = getattr(found, part)
-    except ModuleNotFoundError as error:
-        raise ValueError(f"{what} {name!r}: {error}; is its folder on Python's path?") from error
     except AttributeError as error:
         raise ValueError(f"{what} {name!r}: {error}") from error
     if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
@@ -92,10 +93,7 @@ def require_imported(module: str, what: str) -> None:
 def trust(modules: Sequence[str]) -> None:
     """Import ``modules``, so that runs of their problems and methods can be read."""
     for module in modules:
-        try:
-            importlib.import_module(module)
-        except ImportError as error:
-            raise ValueError(f"--trust {module}: {error}; is its folder on Python's path?") from error
+        import_own(module, f"--trust {module}")
 
 
 def to_json(thing: Any, known: dict[str, str]) -> dict[str, Any]:

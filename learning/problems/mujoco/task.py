@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import math
 import os
 import sys
@@ -22,6 +21,7 @@ from swimmer_mj.learning.problems.mujoco.episodes import Episode, known_task, op
 from swimmer_mj.learning.problems.mujoco.problem import MujocoProblem
 from swimmer_mj.learning.problems.mujoco.starts import Starts, is_file, load_model
 from swimmer_mj.learning.problems.mujoco.tasks.task import Task
+from swimmer_mj.own_code import import_own
 
 __all__ = ["MujocoTask"]
 
@@ -110,15 +110,7 @@ class MujocoTask:
                 "problem must name a model: dm_control/DOMAIN/TASK, gymnasium/ID or FILE.xml; got 'mujoco'"
             )
         if reward is not None:  # what is typed is meant to be run
-            module = reward.partition(":")[0]
-            try:
-                importlib.import_module(module)
-            except (ImportError, ValueError) as error:
-                raise ValueError(f"--reward {reward!r}: {error}; is its folder on Python's path?") from error
-            except Exception as error:  # whatever it is that the module does
-                raise ValueError(
-                    f"--reward {reward!r}: {type(error).__name__} in {module}: {error}"
-                ) from error
+            import_own(reward.partition(":")[0], f"--reward {reward!r}")
         if is_file(environment):
             environment = os.fspath(Path(environment).resolve())
         return cls(environment, reward, s_gamma=s_gamma)

@@ -1,6 +1,7 @@
 """Configurations as JSON, by name, and those of version 0.1, of which there are two runs beside this file."""
 
 import json
+import re
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from swimmer_mj.learning.problems.differentiable import DifferentiableProblem
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs.config import RunConfig, convert, read_config, value_gradient_config
-from swimmer_mj.learning.runs.registry import METHODS, PROBLEMS, find
+from swimmer_mj.learning.runs.registry import METHODS, PROBLEMS, find, trust
 from swimmer_mj.learning.runs.run import TrainingRun, load_policy
 from swimmer_mj.learning.runs.together import Pack
 from swimmer_mj.learning.td.continuous_td import TDSettings
@@ -94,6 +95,29 @@ def test_refuses_what_it_cannot_read(tmp_path, change, message):
     with pytest.raises(ValueError, match=message) as refused:
         read_config(tmp_path)
     assert str(refused.value).startswith(f"{tmp_path}/config.json is not the configuration of a run: ")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("def law(:", "fails when it is imported: SyntaxError: "),
+        ("1 / 0", "fails when it is imported: ZeroDivisionError: division by zero"),
+        ("import nowhere_at_all", "No module named 'nowhere_at_all'; is its folder on Python's path?"),
+    ],
+)
+def test_a_module_of_one_s_own_that_cannot_be_imported_is_refused_in_one_line(
+    tmp_path, monkeypatch, text, said
+):
+    (tmp_path / "broken_code.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    for ask, what in (
+        (lambda: find("broken_code:Law", PROBLEMS, "problem"), "problem 'broken_code:Law'"),
+        (lambda: trust(["broken_code"]), "--trust broken_code"),
+    ):
+        with pytest.raises(ValueError, match=re.escape(said)) as refused:
+            ask()
+        assert str(refused.value).startswith(what)
+        assert "\n" not in str(refused.value)
 
 
 def test_refuses_to_write_what_it_could_not_read(tmp_path):

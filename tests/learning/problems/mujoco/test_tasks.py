@@ -221,7 +221,10 @@ def test_the_commands_learn_judge_draw_and_go_on(tmp_path, monkeypatch, capsys):
     (tmp_path / "half_reward.py").write_text("def reward(scene:\n")
     for arguments, complaint in (
         (["--problem", "nowhere.xml"], "there is no model"),
-        (["--problem", "pole.xml", "--reward", "half_reward:reward"], "SyntaxError in half_reward"),
+        (
+            ["--problem", "pole.xml", "--reward", "half_reward:reward"],
+            "half_reward fails when it is imported: Syntax",
+        ),
     ):
         assert main(["train", "--out", "never", *arguments]) == 2
         err = capsys.readouterr().err
