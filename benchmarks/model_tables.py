@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments.summaries import Summary
@@ -17,6 +18,7 @@ __all__ = [
     "any_model_variants",
     "jacobian_cost",
     "linear_policies",
+    "mean_words",
     "own_models",
     "published",
     "reacher_bound",
@@ -66,6 +68,13 @@ def fell_back(rows: Sequence[Mapping[str, str]], share: float = 0.1) -> dict[str
     return fallen
 
 
+def mean_words(values: NDArray[np.float64], digits: str) -> str:
+    """Mean and 95 % interval; of a few seeds, which have none to speak of, each."""
+    if len(values) < 5:
+        return ", ".join(f"{value:{digits}}" for value in values)
+    return mean_and_interval_text(values, digits)
+
+
 def any_model() -> Summary:
     """Return of what each seed's best look kept, in other episodes, beside what others have published."""
     kept, seconds = _kept("any-model.csv")
@@ -84,7 +93,7 @@ def any_model() -> Summary:
                 f"`{task}`",
                 str(len(values)),
                 f"{seconds[task]:.0f}",
-                mean_and_interval_text(values, digits),
+                mean_words(values, digits),
                 f"{values.min():{digits}}",
                 f"{nothing[task]:{digits}}",
                 ", ".join(f"{name} {value:{digits}}" for name, value in rivals) or "—",

@@ -1,6 +1,7 @@
 """Tables of MuJoCo models."""
 
 import model_tables
+import numpy as np
 
 
 def test_who_ends_below_its_best_is_counted():
@@ -26,3 +27,8 @@ def test_a_models_distance_stands_beside_its_share(monkeypatch, tmp_path):
     assert len(table.header) == len(table.rows[0])
     assert [(row[1], row[2], row[4]) for row in table.rows] == [("2", "5", "0"), ("2", "9", "75")]
     assert [row[5].split()[0] for row in table.rows] == ["0.50", "0.03"]
+
+
+def test_a_few_seeds_are_each_said():
+    assert model_tables.mean_words(np.array([310.0, 290.0]), ".0f") == "310, 290"
+    assert model_tables.mean_words(np.full(5, 300.0), ".0f") == "300 [300, 300]"
