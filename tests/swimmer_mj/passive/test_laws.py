@@ -414,14 +414,14 @@ def test_a_step_that_fails_is_one_that_mujoco_takes_for_unstable(tmp_path, monke
 
 def test_many_threads_may_fail_at_once():
     models = [model_of(declaration("test.limit", f"site:{site}:2"), name=f"model {site}") for site in "ab"]
-    messages, start = [None] * 8, threading.Barrier(8)
+    messages, start = [[] for _ in range(8)], threading.Barrier(8)
 
     def work(i):
         data = mujoco.MjData(models[i % 2])
         data.qvel[:] = 5
         start.wait()
         for _ in range(100):
-            messages[i], _ = fails_in_thread(data)
+            messages[i].append(fails_in_thread(data)[0])
 
     def fails_in_thread(data):
         try:
@@ -437,9 +437,13 @@ def test_many_threads_may_fail_at_once():
         thread.start()
     for thread in threads:
         thread.join()
-    for message in messages:
-        assert "faster than 2.0 m/s, at the site" in message
-        assert ("'a' of the model 'model a'" in message) != ("'b' of the model 'model b'" in message)
+    for of_thread in messages:
+        assert None not in of_thread
+        placed = [message for message in of_thread if "hid where" not in message]  # which may happen, and is said
+        assert placed
+        for message in placed:
+            assert "faster than 2.0 m/s, at the site" in message
+            assert ("'a' of the model 'model a'" in message) != ("'b' of the model 'model b'" in message)
 
 
 # Laws that are none
