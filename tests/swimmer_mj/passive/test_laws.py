@@ -439,7 +439,9 @@ def test_many_threads_may_fail_at_once():
         thread.join()
     for of_thread in messages:
         assert None not in of_thread
-        placed = [message for message in of_thread if "hid where" not in message]  # which may happen, and is said
+        placed = [
+            message for message in of_thread if "hid where" not in message
+        ]  # which may happen, and is said
         assert placed
         for message in placed:
             assert "faster than 2.0 m/s, at the site" in message
