@@ -13,7 +13,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 import types
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from swimmer_mj.own_code import import_own
@@ -128,8 +128,11 @@ def _build(kind: type[Any], values: dict[str, Any]) -> Any:
     return kind(**{name: setting(kind, name, value) for name, value in values.items()})
 
 
-def setting(kind: type[Any], name: str, value: Any) -> Any:
-    """The value of a field of the dataclass ``kind`` from a JSON ``value``; ValueError if it is of another type."""
+def setting(kind: Callable[..., Any], name: str, value: Any) -> Any:
+    """The value of a field of the dataclass ``kind``, or of a function's argument, from a JSON ``value``.
+
+    ValueError if it is of another type.
+    """
     hint = get_type_hints(kind)[name]
     try:
         return _value(hint, value)

@@ -15,7 +15,7 @@ from tyro.conf import Positional
 from swimmer_mj.cli.options import check_directory, trust_modules
 from swimmer_mj.cli.output import make_console, print_json, print_line
 from swimmer_mj.cli.signals import StoppedError, asked_to_stop
-from swimmer_mj.cli.training import OPTIONS, changed, configured, parse_seeds
+from swimmer_mj.cli.training import OPTIONS, changed, configured, parse_seeds, train
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -216,7 +216,7 @@ def _jobs(asked: dict[str, Any]) -> tuple[list[Job], int]:
     made = [_config(asked, {**shared, **chosen}, total) for chosen in settings]
     names = [settings_name(chosen) for chosen in settings]
     if random or len({*names}) < len(names):
-        names = [f"{i:0{len(str(len(names) - 1))}d}_{name}" for i, name in enumerate(names)]
+        names = [f"{i}_{name}" for i, name in enumerate(names)]  # the same when there are more of them
     jobs = [
         Job(f"{name}/seed-{seed}", chosen, dataclasses.replace(config, seed=seed))
         for name, chosen, config in zip(names, settings, made, strict=True)
@@ -227,19 +227,17 @@ def _jobs(asked: dict[str, Any]) -> tuple[list[Job], int]:
 
 def _config(asked: dict[str, Any], settings: dict[str, Any], count: int) -> Any:
     """The configuration with ``settings``, by the names of train's options and of --set; "null" is None."""
-    from swimmer_mj.learning.runs.registry import METHODS, PROBLEMS, find, problem_named
+    from swimmer_mj.learning.runs.registry import METHODS, PROBLEMS, find, problem_named, setting
 
-    options = {name: value for name, value in settings.items() if name in OPTIONS}
-    others = [
-        f"{name}={json_module.dumps(None if value == 'null' else value)}"
-        for name, value in settings.items()
-        if name not in OPTIONS
-    ]
+    settings = {name: None if value == "null" else value for name, value in settings.items()}
+    options = {name: value for name, value in settings.items() if name in OPTIONS and value is not None}
+    others = [f"{name}={json_module.dumps(value)}" for name, value in settings.items() if name not in OPTIONS]
     problem, method = asked.get("problem", "swim"), asked.get("method", "td")
     find(problem_named(problem)[0], PROBLEMS, "problem", importing=False)
     find(method, METHODS, "method", importing=False)
     if "reward" in options:
         _require_trusted(options["reward"])
+    options = {name: setting(train, name, value) for name, value in options.items()}
     config = configured(problem, method, options, count)
     config = changed(config, others)
     every = _integer(asked, "evaluate_every", config.evaluate_every)

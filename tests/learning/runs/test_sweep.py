@@ -85,6 +85,26 @@ def test_a_file_becomes_jobs(file):
     )
 
 
+def test_more_samples_keep_the_directories_of_the_first(tmp_path):
+    """Else what is learned there would be learned again."""
+    path, text = tmp_path / "sweep.toml", "trials = 1\n[random]\nsamples = {}\neta = [0.1, 0.2]"
+    names = []
+    for samples in (10, 11):
+        path.write_text(text.format(samples))
+        names.append([job.name for job in read_jobs(path)[0]])
+    assert names[1][:10] == names[0]
+    assert len({*names[1]}) == 11
+
+
+def test_null_leaves_an_option_as_train_does_without_it(tmp_path):
+    path = tmp_path / "sweep.toml"
+    path.write_text('method = "value-gradient"\ntrials = 1\n[grid]\nneurons = [30, "null"]')
+    cascade, layers = (job.config.method for job in read_jobs(path)[0])
+    assert (cascade.neurons, cascade.layers) == (30, None)
+    assert layers == configured("swim", "value-gradient", {}, 2).method
+    assert layers.layers
+
+
 def test_an_environment_is_configured_as_train_does_it(tmp_path, suite):
     path, name = tmp_path / "sweep.toml", "dm_control/pendulum/swingup"
     path.write_text(f"problem = '{name}'\nmethod = 'value-gradient'\ntrials = 1\n[set]\npasses = 3")
@@ -204,6 +224,9 @@ def test_another_sweep_is_not_mixed_in(file, tmp_path, capsys):
         ("trials = 1\n[grid]\neta = 0.1", "[grid] eta must be a list of values, got 0.1"),
         ("trials = 1\n[grid]\neta = [0.1, -1]", "eta must be positive and finite, got -1"),
         ("trials = 1\n[grid]\neta = [inf]", "eta must be positive and finite, got inf"),
+        ("trials = 1\n[set]\neta = [0.1, 0.2]", "eta must be of type float | None, got [0.1, 0.2]"),
+        ("trials = 1\n[set]\nheld = 3", "held must be true or false, got 3"),
+        ("trials = 1\n[set]\nvario_eta = 'false'", "vario_eta must be true or false, got 'false'"),
         ("trials = 1\n[grid]\nwings = [2]", "there is no setting 'wings'"),
         ("trials = 1\n[grid]\neta = [1]\n[random]\nsamples = 3", "give [grid] or [random], not both"),
         ("trials = 1\n[random]\nsamples = 2\neta = {low = 0.0, high = 1.0, scale = 'log'}", "both positive"),
