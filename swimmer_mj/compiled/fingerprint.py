@@ -1,9 +1,9 @@
 """What compiled code is made from, as a text that is the same in every process and changes with it.
 
 A function is its byte code, its constants, what it closes over and the global names that it uses, and so are all
-functions that it calls. The walk through them ends at :data:`LIBRARIES`, whose versions stand for them. It notes the
-source files it comes through, because it misses what numba finds by other ways than a name (the implementations of an
-``overload``, say).
+functions that it calls, by their names or as attributes of a module. The walk through them ends at :data:`LIBRARIES`,
+whose versions stand for them. It notes the source files it comes through, because it misses what numba finds by other
+ways than a name (the implementations of an ``overload``, say).
 """
 
 from __future__ import annotations
@@ -150,11 +150,28 @@ class _Walk:
         self._seen[id(function)] = len(self._seen)
         code = function.__code__
         self.files.add(code.co_filename)
-        uses = {name: function.__globals__[name] for name in _names(code) if name in function.__globals__}
-        return self.text((code, _closed_over(function), function.__defaults__, uses))
+        names, closed_over = _names(code), _closed_over(function)
+        uses = {name: function.__globals__[name] for name in names if name in function.__globals__}
+        uses |= _of_modules([*uses.values(), *closed_over], names)
+        return self.text((code, closed_over, function.__defaults__, uses))
 
 
 def _names(code: types.CodeType) -> set[str]:
     """Global names, and attributes, of a function and of those within it."""
     inner = [_names(const) for const in code.co_consts if isinstance(const, types.CodeType)]
     return set(code.co_names).union(*inner)
+
+
+def _of_modules(values: list[Any], names: set[str]) -> dict[str, Any]:
+    """What has one of ``names`` in the modules among ``values``, and in modules found there, by its full name."""
+    found: dict[str, Any] = {}
+    modules = [value for value in values if isinstance(value, types.ModuleType)]
+    for module in modules:  # more come in the loop
+        if module.__name__.split(".")[0] in LIBRARIES:
+            continue
+        for name in names & vars(module).keys():
+            full = f"{module.__name__}.{name}"
+            if full not in found and isinstance(vars(module)[name], types.ModuleType):
+                modules.append(vars(module)[name])
+            found[full] = vars(module)[name]
+    return found

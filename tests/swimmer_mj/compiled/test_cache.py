@@ -114,6 +114,32 @@ def test_an_edit_of_what_is_called_by_what_is_called_is_seen(tmp_path, package, 
     assert file.stat().st_mtime_ns == written
 
 
+def test_what_is_called_as_an_attribute_of_a_module_is_seen(outside):
+    """Also where the module only passes on what another one has."""
+    outside._write(outside.sources / "between.py", "from helper import helper\n")
+    outside._write(
+        outside.sources / "called.py",
+        CALLED.replace("from {place}helper import helper", "import between").replace(
+            "helper(x)", "between.helper(x)"
+        ),
+    )
+    assert outside.run(3) == [[7.0], 0, 1]
+    outside.write_helper(shift=2.0)
+    assert outside.run(3) == [[9.0], 0, 1]
+    assert outside.run(3) == [[9.0], 1, 0]
+
+
+def test_a_number_of_a_module_is_seen_as_it_is_when_compiled(outside):
+    outside._write(
+        outside.sources / "called.py",
+        "import os\n\nimport helper\nfrom numba import njit\n\nhelper.STEP = float(os.environ['STEP'])\n\n\n"
+        "@njit\ndef called(x):\n    return x + helper.STEP\n",
+    )
+    assert outside.run(3, STEP="1") == [[5.0], 0, 1]
+    assert outside.run(3, STEP="2") == [[6.0], 0, 1]
+    assert outside.run(3, STEP="2") == [[6.0], 1, 0]
+
+
 def test_closures_of_one_name_are_told_apart(outside):
     """By what they close over: each is the first of its name in the process that compiles it."""
     assert outside.run(3) == [[7.0], 0, 1]
