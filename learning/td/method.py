@@ -149,11 +149,15 @@ class TDLearning:
 
     def learn(self, trials: int) -> Along:
         """``trials`` trials from random states."""
-        states = self.problem.initial_states(self.rng, trials)
+        states = self.draw(trials)
         value, squared_hamiltonian = self._learn(states)
         self.trials += trials
         self.require_finite(states, value)
         return Along(float(value.mean()), float(squared_hamiltonian.mean()))
+
+    def draw(self, trials: int) -> Array:
+        """Initial states, (trials, p), one after the other: in which portions they are drawn changes nothing."""
+        return np.concatenate([self.problem.initial_states(self.rng, 1) for _ in range(trials)])
 
     def _learn(self, states: Array) -> tuple[Array, Array]:
         """A trial from each of ``states``: means of V and H^2 along each."""
@@ -240,7 +244,7 @@ class TDTeam:
 
     def learn(self, trials: int) -> list[Along | FloatingPointError]:
         """``trials`` trials of each."""
-        states = [one.problem.initial_states(one.rng, trials) for one in self.learners]
+        states = [one.draw(trials) for one in self.learners]
         statistics = self.population.train(np.stack(states, axis=1))
         news: list[Along | FloatingPointError] = []
         for lane, one in enumerate(self.learners):

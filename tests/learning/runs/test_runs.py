@@ -62,6 +62,14 @@ class Dear(Brief):
         )
 
 
+@dataclasses.dataclass(frozen=True)
+class Apart(Brief):
+    """One whose initial states are drawn number by number: all angles, then all angular velocities."""
+
+    def initial_states(self, rng, count):
+        return np.stack([rng.uniform(-np.pi, np.pi, count), rng.uniform(-5.0, 5.0, count)], axis=-1)
+
+
 def advance(run, **kwargs):
     """The metrics of one run, of the next period."""
     metrics = Pack([run]).advance(**kwargs)
@@ -108,6 +116,17 @@ def test_an_interrupted_run_computes_the_same_bits(tmp_path, vario):
         assert torch.equal(tensors_of(resumed)[name], tensor)
     assert resumed.best_speed == whole.best_speed
     assert resumed.seconds > 0
+
+
+@pytest.mark.parametrize("engine", ["fused", "population", "torch"])
+def test_what_is_learned_in_portions_is_the_same_for_any_law_of_initial_states(tmp_path, engine):
+    brief = {} if engine != "torch" else {"trial_duration": 0.2, "neurons": 3}
+    config = dataclasses.replace(small(evaluate_every=10, engine=engine, **brief), problem=Apart())
+    whole, parts = (TrainingRun(tmp_path / name, config) for name in ("whole", "parts"))
+    advance(whole, stretch=10)
+    advance(parts, stretch=1)
+    assert torch.equal(whole.learning.network.weight, parts.learning.network.weight)
+    assert whole.learning.network.weight.abs().sum() > 0
 
 
 def test_seeds_differ_and_repeat(tmp_path):
