@@ -207,5 +207,5 @@ class SwimmerEnv(gymnasium.Env[Array, Action]):
         return self.physics.render(**self._frame)
 
     def close(self) -> None:
-        """Free the simulation and its rendering contexts, and release the viscous friction."""
+        """Free the rendering contexts and release the viscous friction; the environment cannot be used any more."""
         self.physics.free()

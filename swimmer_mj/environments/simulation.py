@@ -145,6 +145,7 @@ class Simulation(Accessors):
 
     def forward(self) -> None:
         """Compute what follows from the state."""
+        self._require_friction()
         mujoco.mj_forward(self.model, self.data)
         self._check()
 
@@ -156,8 +157,13 @@ class Simulation(Accessors):
         PhysicsError
             MuJoCo raised a warning.
         """
+        self._require_friction()
         mujoco.mj_step(self.model, self.data, count)
         self._check()
+
+    def _require_friction(self) -> None:
+        if not self._friction.alive:
+            raise RuntimeError("the simulation is closed and would go on without friction; make another one")
 
     def _check(self) -> None:
         numbers = self.data.warning.number
@@ -176,7 +182,7 @@ class Simulation(Accessors):
         return self._renderer.render()
 
     def free(self) -> None:
-        """Free the rendering context, and release the friction."""
+        """Free the rendering context, and release the friction: there are no more steps."""
         self._close_renderer()
         self._friction()
 

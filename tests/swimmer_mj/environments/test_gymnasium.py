@@ -263,6 +263,18 @@ def test_a_step_before_the_first_reset_is_refused():
     env.close()
 
 
+def test_a_closed_environment_does_not_go_on_without_friction():
+    env = swimmer_mj.gymnasium.SwimmerEnv("swim5", render_mode="rgb_array")
+    env.reset(seed=0)
+    copied = copy.deepcopy(env)
+    env.close()
+    for use in (env.reset, lambda: env.step(np.zeros(4, np.float32)), env.render):
+        with pytest.raises(RuntimeError, match="the simulation is closed and would go on without friction"):
+            use()
+    copied.step(np.zeros(4, np.float32))
+    copied.close()
+
+
 def test_a_closed_vector_has_freed_its_simulations_and_threads():
     code = """
 import os
