@@ -7,9 +7,11 @@ whatever their settings (:mod:`~swimmer_mj.learning.runs.together`). Where they 
 from __future__ import annotations
 
 import csv
+import dataclasses
 import itertools
 import json
 import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,13 +19,14 @@ from typing import Any
 import numpy as np
 
 from swimmer_mj.files import replacing
+from swimmer_mj.learning.method import TeamMethod
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint
-from swimmer_mj.learning.runs.config import CONFIG, read_config
+from swimmer_mj.learning.runs.config import CONFIG, RunConfig, read_config
 from swimmer_mj.learning.runs.engines.local import LocalEngine
 from swimmer_mj.learning.runs.jobs import Engine, Job, News, state_of
 from swimmer_mj.learning.runs.run import CHECKPOINT
 
-__all__ = ["grid", "random_search", "rows_of", "run_jobs", "settings_name", "write_rows"]
+__all__ = ["as_they_began", "grid", "random_search", "rows_of", "run_jobs", "settings_name", "write_rows"]
 
 COUNTED = ("trials", "seconds", "speed", "last_speed", "state")
 """The columns of the table that are no settings."""
@@ -88,15 +91,38 @@ def run_jobs(
 
     A run that diverges says so in its row; the others go on. They learn on this machine, if no ``engine`` is given.
     """
-    for job in jobs:
-        _require_the_same(job, directory)
+    jobs = as_they_began(jobs, directory)
     (engine or LocalEngine()).run(jobs, directory, trials, report, stop)
 
 
-def _require_the_same(job: Job, directory: Path) -> None:
-    path = directory / job.name
-    if (path / CONFIG).exists() and read_config(path) != job.config:
+def as_they_began(jobs: Sequence[Job], directory: Path) -> list[Job]:
+    """``jobs``, those that are in ``directory`` as they began there, when there may have been fewer of them.
+
+    So many runs at a time may have another engine, where that was left open.
+
+    Raises
+    ------
+    ValueError
+        A run in ``directory`` has other settings.
+    """
+    return [_as_it_began(job, directory / job.name) for job in jobs]
+
+
+def _as_it_began(job: Job, path: Path) -> Job:
+    if not (path / CONFIG).exists():
+        return job
+    known = read_config(path)
+    if known != job.config and _among_many(known) != _among_many(job.config):
         raise ValueError(f"{path} holds a run with other settings; choose another directory with --out")
+    return dataclasses.replace(job, config=known)
+
+
+def _among_many(config: RunConfig) -> RunConfig:
+    """``config`` as it is for many runs at a time."""
+    method = config.method
+    if isinstance(method, TeamMethod):
+        method = method.for_seeds(config.problem, sys.maxsize)
+    return dataclasses.replace(config, method=method)
 
 
 def rows_of(jobs: Sequence[Job], directory: Path, trials: int) -> list[dict[str, Any]]:

@@ -62,12 +62,13 @@ def sweep(
     _require_own(engine, address, parts, part)
     jobs, trials = read_jobs(file)
     where = _engine(engine, file, address, parts, part, trust)
-    if part is not None:
-        jobs = _part(jobs, part)
 
     import torch
 
-    from swimmer_mj.learning.runs.sweep import rows_of, run_jobs, write_rows
+    from swimmer_mj.learning.runs.sweep import as_they_began, rows_of, run_jobs, write_rows
+
+    if part is not None:
+        jobs = _part(as_they_began(jobs, out), part)
 
     torch.set_num_threads(1)  # the learners are the parallelism
     console = make_console(json)

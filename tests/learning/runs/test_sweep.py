@@ -211,6 +211,20 @@ def test_another_sweep_is_not_mixed_in(file, tmp_path, capsys):
     assert read_config(out / jobs[0].name) == jobs[0].config
 
 
+def test_more_seeds_than_one_engine_has_are_added_to_what_is_there(file, tmp_path, capsys):
+    """By default, td has another engine with more than four runs; those that are there keep theirs."""
+    out = tmp_path / "out"
+    engines = []
+    for seeds, trials in (("0-3", 20), ("0-5", 30)):
+        file.write_text(FILE.partition("[grid]")[0].replace("0-1", seeds).replace("20\n", f"{trials}\n"))
+        for part in (["--part", "1/2"], []):
+            assert main(["sweep", str(file), "--out", str(out), *part]) == 0
+        jobs, _ = read_jobs(file)
+        engines.append([read_config(out / job.name).method.engine for job in jobs])
+        assert [row["trials"] for row in table(out)] == [str(trials)] * len(jobs)
+    assert engines == [["auto"] * 4, ["auto"] * 4 + ["population"] * 2]
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
