@@ -38,8 +38,9 @@ def spread_of_noise(logs: Path) -> str:
     names = [name for name in table if name[0] == "w" and name[1:].isdigit()]
     noise = np.stack([rows[name] for name in names])
     late = noise[:, -1]
+    eta = last_look(rows_where(table, method="basic", quantity="rate"))["w0"][0]
     return (
-        f"{len(names)} weights on the pendulum (one hidden layer of 13, η 0.003, one seed): the noise of the "
+        f"{len(names)} weights on the pendulum (one hidden layer of 13, η {eta:g}, one seed): the noise of the "
         "noisiest is "
         f"{late.max() / late.min():.0f} times that of the quietest"
     )

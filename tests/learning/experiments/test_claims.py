@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from swimmer_mj.learning.experiments import claims, section_3_3
-from swimmer_mj.learning.experiments.claims_of_section_3 import exponent
+from swimmer_mj.learning.experiments import claims, figure_1, section_3_3
+from swimmer_mj.learning.experiments.claims_of_section_3 import exponent, spread_of_noise
 from swimmer_mj.learning.experiments.tables import write_table
 from swimmer_mj.learning.runs.run import Metrics
 
@@ -33,6 +33,20 @@ def test_the_date_of_a_peak_moves_with_the_end_of_the_run(tmp_path):
     ]
     write_table(tmp_path / "swim5.csv", ("preset", "seed", *Metrics._fields), rows)
     assert claims.plateau(tmp_path, (1e6, 1.5e6, 2e6)).tolist() == [1e6, 1e6, 2e6]
+
+
+def test_the_spread_of_noise_is_that_of_the_basic_algorithm_with_its_rate(tmp_path):
+    """Two weights: noise 2 and 6 by the basic algorithm with 0.1, and more by vario-eta, which has other rates."""
+    rows = [
+        (method, trial, quantity, *values)
+        for method, noise, rates in (("basic", (2, 6), (0.1, 0.1)), ("vario-eta", (1, 99), (0.003, 2.1)))
+        for trial in (0, 100)
+        for quantity, values in (("weight", (1, 1)), ("rate", rates), ("noise", noise))
+    ]
+    write_table(tmp_path / figure_1.WEIGHTS_LOG, ("method", "trial", "quantity", "w0", "w1"), rows)
+    text = spread_of_noise(tmp_path)
+    assert "η 0.1," in text
+    assert text.endswith("is 3 times that of the quietest")
 
 
 def test_every_claim_has_its_text():
