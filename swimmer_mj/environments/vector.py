@@ -236,8 +236,7 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         """Seed environment ``i`` as the single environment does, with a drawn seed if it is None."""
         if seed is None:
             seed = int(np.random.SeedSequence().generate_state(1)[0])
-        elif seed < 0:
-            raise ValueError(f"a seed must not be negative, got {seed}")
+        seed = whole_number("a seed", seed, least=0)
         random = self._single.task.random
         random.seed(legacy_seed(seed))
         self._seeds[i], self._random_states[i] = seed, random.get_state(legacy=False)

@@ -167,8 +167,9 @@ def test_the_seed_of_an_unseeded_environment_gives_its_episode_again(make):
 def test_a_seed_is_not_negative(make):
     with pytest.raises(gymnasium.error.Error, match="greater or equal to zero"):
         make(SWIM5).reset(seed=-1)
-    with pytest.raises(ValueError, match="must not be negative, got -1"):
-        make(SWIM5, 2).reset(seed=-1)
+    for seed in (-1, [0, -1], [0, 1.5]):
+        with pytest.raises(ValueError, match=r"a seed must be an integer of at least 0, got (-1|1\.5)"):
+            make(SWIM5, 2).reset(seed=seed)
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
@@ -398,6 +399,9 @@ def test_seeds_of_a_vector(make):
     assert len(np.unique(first, axis=0)) == 3
     np.testing.assert_array_equal(other.reset(seed=envs.np_random_seed)[0], first)
     np.testing.assert_array_equal(other.reset()[0], envs.reset()[0])
+
+    large = np.array([2**40, 7, 2**62])  # of NumPy's integers
+    np.testing.assert_array_equal(envs.reset(seed=large)[0], other.reset(seed=large.tolist())[0])
 
     envs.reset(seed=[5, None, 6])
     assert envs.np_random_seed == (5, other.np_random_seed[1], 6)
