@@ -47,7 +47,7 @@ def page(policies: Sequence[Mapping[str, Any]], chosen: str | None = None) -> st
     glue = gzip.decompress(mujoco.joinpath("mujoco.js.gz").read_bytes()).decode()
     parts = {
         "style": source.joinpath("page.css").read_text(encoding="utf-8"),
-        "content": _script_text(json.dumps({"policies": list(policies), "chosen": chosen})),
+        "content": json.dumps({"policies": list(policies), "chosen": chosen}).replace("<", "\\u003c"),
         "wasm": base64.b64encode(mujoco.joinpath("mujoco.wasm.gz").read_bytes()).decode(),
         "mujoco": _script_text(
             glue.replace("export default loadMujoco;", "globalThis.loadMujoco = loadMujoco;")
@@ -103,5 +103,5 @@ def bundle(modules: Mapping[str, str]) -> str:
 
 
 def _script_text(text: str) -> str:
-    """``text`` such that it can stand in a script element; it only differs within strings and comments."""
+    """JavaScript such that it can stand in a script element; it only differs within strings and comments."""
     return text.replace("</script", "<\\/script").replace("<!--", "<\\!--")

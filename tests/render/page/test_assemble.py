@@ -55,9 +55,12 @@ def test_a_policy_of_ones_own_is_on_the_page():
 
 
 def test_text_of_a_policy_cannot_end_the_script():
-    html = assemble.page([described(Swimming(), "</script><!--")])
+    name = "</script><!--"
+    html = assemble.page([described(Swimming(), name)])
     assert html.count("</script>") == 4
     assert "<!--" not in html.split('id="content">')[1]
+    content = json.loads(html.split('id="content">')[1].split("</script>")[0])
+    assert content["chosen"] == content["policies"][0]["name"] == name
 
 
 def test_what_the_page_cannot_play_is_refused_in_one_line():
