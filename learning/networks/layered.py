@@ -16,9 +16,6 @@ __all__ = ["Layered"]
 class Layered(Cascade):
     """One layer of tanh units and a linear output: n_hidden (n_inputs + 2) + 1 weights.
 
-    Vario-eta divides by rates: drive it from outside (:mod:`swimmer_mj.learning.experiments.noise`) rather than by
-    ``TDSettings.vario``, whose compiled form visits the missing connections too.
-
     Parameters
     ----------
     n_inputs : int

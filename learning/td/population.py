@@ -77,7 +77,9 @@ class PopulationTD:
         self._limits = np.asarray(problem.control_limits, dtype=np.float64)
         n, m, p, q = network.n_neurons, network.n_inputs, problem.state_size, len(self._limits)
         dtype = network.weight.detach().numpy().dtype
-        self._connected = network.connected.numpy()
+        self._connected = np.tri(
+            n, m + n, m, dtype=np.bool_
+        )  # as of a whole cascade: what is not there has rate 0
         self._rate_each = any(learner.rate_each for learner in learners)
         self._form = kernel.form_of(compiled, m, dtype, self._rate_each, network.sigmoid == "logistic")
         self._ws = kernel.workspace(int(self._connected.sum()), n, m, p, q, dtype, self._rate_each)
@@ -104,6 +106,7 @@ class PopulationTD:
             raise ValueError(f"initial_states must have shape (trials, {count}, {p}), got {states.shape}")
         states = np.ascontiguousarray(states[:, np.arange(LANES) % count])
         ws, statistics = self._ws, np.empty((len(states), LANES, 3))
+        ws.source[:], ws.delta[:] = 0, 0  # they may be NaN, if a learner diverged before
         ws.weight[:] = self._load("weight")
         rate = self._load("rate")
         ws.rate[:] = rate if self._rate_each else rate[np.cumsum(self._connected.sum(axis=1)) - 1]

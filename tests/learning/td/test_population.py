@@ -9,6 +9,7 @@ from numba import njit
 
 from swimmer_mj.compiled.elementary import tanh_of_lanes, tanh_of_one
 from swimmer_mj.compiled.vectors import LANES, load, store
+from swimmer_mj.learning.networks.layered import Layered
 from swimmer_mj.learning.networks.networks import Cascade
 from swimmer_mj.learning.problems.forms import CompiledForm
 from swimmer_mj.learning.problems.pendulum import Pendulum
@@ -152,6 +153,34 @@ def test_pendulums_are_the_reference_with_rates_of_each_weight():
 def tanh_of_vectors(x, y):
     for i in range(0, x.size, LANES):
         store(y, i, tanh_of_lanes(load(x, i)))
+
+
+@pytest.mark.parametrize("vario", [None, VarioEta()])
+def test_layers_are_a_cascade_without_some_connections(vario):
+    def learner(seed):
+        network = Layered(3, 5, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+        return FusedTD(Pendulum(), network, TDSettings(eta=0.01, trial_duration=0.5, vario=vario))
+
+    pack, alone = ([learner(seed) for seed in range(3)] for _ in range(2))
+    starts = starts_for(Pendulum(), 3, len(pack))
+    PopulationTD(pack).train(starts)
+    for lane, single in enumerate(alone):
+        single.train(starts[:, lane])
+        assert single.weight[-1].abs().max() > 0  # it did learn
+        assert (single.weight - pack[lane].weight).abs().max() < 1e-12
+        assert (pack[lane].weight[~single.network.connected] == 0).all()
+
+
+def test_a_learner_that_diverged_begins_anew_when_its_weights_are_set_anew():
+    learner, other = (learner_for(Pendulum(), 0) for _ in range(2))
+    population, weights = PopulationTD([learner]), learner.weight.clone()
+    population.train(np.full((1, 1, 2), np.inf))
+    assert not learner.weight.isfinite().all()
+    learner.weight.copy_(weights)
+    starts = starts_for(Pendulum(), 1, 1)
+    population.train(starts)
+    PopulationTD([other]).train(starts)
+    assert torch.equal(learner.weight, other.weight)
 
 
 def test_vector_tanh_is_the_scalar_one():
