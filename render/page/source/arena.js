@@ -96,6 +96,9 @@ export class Arena {
     if (chosen.length === 0 || chosen.includes(undefined)) {
       throw new RangeError(`there is no policy ${names.join(", ")}; there are ${this.policies.map((p) => p.name).join(", ")}`);
     }
+    if (chosen.some(({ links }) => links !== chosen[0].links)) {
+      throw new RangeError(`those in the water must have as many links each, got ${chosen.map(({ links }) => links).join(", ")}`);
+    }
     this.release();
     for (const racer of this.racers) racer.swimmer.delete();
     this.racers = chosen.map((policy) => {
@@ -148,6 +151,7 @@ export class Arena {
 
   /** Swim in a direction, rad. */
   swimTowards(angle) {
+    if (!Number.isFinite(angle)) throw new RangeError(`a direction must be a finite number of radians, got ${angle}`);
     this.target = { angle };
     this.aim();
   }

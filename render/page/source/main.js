@@ -119,7 +119,7 @@ function makeInterface(arena, stage) {
     },
     setTarget(radians) { panel.act(() => arena.swimTowards(radians)); },
     setState(qpos, qvel) { panel.act(() => arena.setState(qpos, qvel)); },
-    hold(torques) { first().given = torques; },
+    hold(torques) { first().hold(torques); },
     step(n = 1) { panel.act(() => arena.step(n)); },
     pause() { panel.toggle(false); },
     play() { panel.toggle(true); },

@@ -67,9 +67,19 @@ export class Swimmer {
     if (qpos.length !== data.qpos.length || qvel.length !== data.qvel.length) {
       throw new RangeError(`qpos and qvel must have ${data.qpos.length} numbers each, got ${qpos.length} and ${qvel.length}`);
     }
+    if (![...qpos, ...qvel].every(Number.isFinite)) throw new RangeError("qpos and qvel must be finite numbers");
     data.qpos.set(qpos);
     data.qvel.set(qvel);
     this.mujoco.mj_forward(this.model, data);
+  }
+
+  /** Torques in place of the policy's, N·m; null gives it back. */
+  hold(torques) {
+    const count = this.n - 1;
+    if (torques !== null && !(torques.length === count && [...torques].every(Number.isFinite))) {
+      throw new RangeError(`torques must be ${count} finite numbers, got ${JSON.stringify(torques)}`);
+    }
+    this.given = torques;
   }
 
   /** Absolute angles and their rates, and where the centre of mass is and how it moves. */

@@ -429,6 +429,12 @@ def test_wrong_arguments_are_refused(page):
     assert "must have 7 numbers each, got 2 and 7" in page.do(
         refuse % "swimmer.setState([0, 0], new Array(7).fill(0))"
     )
+    assert "as many links each, got 5, 3" in page.do(refuse % "swimmer.choose('swim5-paper', 'swim3-paper')")
+    assert "torques must be 4 finite numbers, got [1]" in page.do(refuse % "swimmer.hold([1])")
+    assert "a finite number of radians, got NaN" in page.do(refuse % "swimmer.setTarget(NaN)")
+    assert "qpos and qvel must be finite numbers" in page.do(
+        refuse % "swimmer.setState(new Array(7).fill(NaN), new Array(7).fill(0))"
+    )
     assert page.js("swimmer.state().qpos.length") == 7
 
 
