@@ -240,6 +240,23 @@ def test_validate(capsys, tmp_path):
     assert "data:image/png;base64," in page.read_text()
 
 
+@pytest.mark.skipif(os.name == "nt", reason="pipes break otherwise there")
+@pytest.mark.parametrize("buffered", ["", "1"])
+@pytest.mark.parametrize("arguments", [["--help"], ["train", "--help"], ["info"], ["info", "--json"]])
+def test_a_reader_that_has_read_enough_is_no_error(arguments, buffered):
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(
+        [sys.executable, "-m", "swimmer_mj", *arguments],
+        stdout=write,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": buffered},
+    )
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
 def test_a_failed_check_is_exit_status_1(monkeypatch, capsys):
     from swimmer_mj import validation
 

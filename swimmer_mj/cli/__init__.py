@@ -2,7 +2,7 @@
 
 Every command imports what it needs when it runs. With ``--json`` a command prints one JSON object on standard output
 and nothing else there. Exit status: 0 done, 1 a check failed or learning diverged, 2 bad usage or bad input, 130 and
-143 stopped by SIGINT and SIGTERM (all but a failed check with one line on standard error).
+143 stopped by SIGINT and SIGTERM (all but a failed check with one line on standard error), 141 if nobody reads on.
 The commands stand in the modules of this package; each function's signature and docstring are its command's help.
 """
 
@@ -122,7 +122,17 @@ def _said(error: OSError) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
-    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        status = _run(list(sys.argv[1:] if arguments is None else arguments))
+        sys.stdout.flush()
+    except BrokenPipeError:  # head has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python writes at its end
+        return 141  # as of a program that SIGPIPE ends
+    return status
+
+
+def _run(arguments: list[str]) -> int:
+    """Run a command; returns the exit status."""
     if arguments in (["--help"], ["-h"]):
         print(_help())
         return 0
@@ -160,6 +170,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if "allocate memory" not in str(error):  # torch's way to say it
             raise
         return _complain(_NO_MEMORY)
+    except BrokenPipeError:
+        raise
     except OSError as error:
         return _complain(_said(error))
     except (ValueError, BackendError, MissingDmControlError) as error:

@@ -33,7 +33,11 @@ def make_console(quiet: bool) -> Console:
     """Where people read: standard output, or nowhere when that is for JSON."""
     from rich.console import Console
 
-    return Console(quiet=quiet, highlight=False)
+    class Output(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # rich would end the process, with the status of a failed check
+
+    return Output(quiet=quiet, highlight=False)
 
 
 def print_line(console: Console, line: str, style: str | None = None) -> None:
