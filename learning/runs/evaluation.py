@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.integrators import rk4_step
 from swimmer_mj.intervals import known_interval, mean_and_interval
-from swimmer_mj.learning.problems.forms import EnvironmentForm, Policy, Score, episode_of
+from swimmer_mj.learning.problems.forms import CostForm, EnvironmentForm, Policy, Score, episode_of
 from swimmer_mj.learning.problems.problem import (
     ControlProblem,
     discount_shares,
@@ -85,7 +85,7 @@ class Episode(NamedTuple):
     controls: Array
     """(T, q)."""
     rewards: Array
-    """Reward rates, (T + 1,)."""
+    """Reward rates, what the controls cost taken off, (T + 1,)."""
     values: Array
     """(T + 1,)."""
     hamiltonians: Array
@@ -105,7 +105,14 @@ def record_episode(policy: Policy, duration: float) -> Episode:
     states = np.concatenate(states[:-1])
     controls, values, hamiltonians = (np.concatenate(column) for column in zip(*judged, strict=True))
     times = dt * np.arange(n_steps + 1, dtype=np.float64)
-    return Episode(problem, times, states, controls[:-1], problem.reward(states), values, hamiltonians)
+    rewards = _earned(problem, states, controls)
+    return Episode(problem, times, states, controls[:-1], rewards, values, hamiltonians)
+
+
+def _earned(problem: ControlProblem, x: Array, u: Array) -> Array:
+    """r(x), what u costs taken off, (N,), at states x (N, p) under controls u (N, q)."""
+    priced, r = problem.form(CostForm), problem.reward(x)
+    return r if priced is None else r - (priced.coefficients(x) * u**2).sum(axis=-1)
 
 
 def monte_carlo_value(
@@ -124,17 +131,16 @@ def monte_carlo_value(
     n_steps = int(np.ceil(-np.log(tolerance) / (problem.s_gamma * dt)))
     x = np.array(states, dtype=np.float64)
     total = np.zeros(len(x))
-    r = problem.reward(x)
     for t in range(n_steps):
         u = policy(x)
+        r = _earned(problem, x, u)
 
         def f(y: Array, u: Array = u) -> Array:
             a, B = problem.drift_and_control_matrix(y)
             return a + np.einsum("...pq,...q->...p", B, u)
 
         x = rk4_step(f, x, dt)
-        r_next = problem.reward(x)
+        r_next = _earned(problem, x, u)
         discount, discount_next = np.exp(-problem.s_gamma * dt * np.array([t, t + 1]))
         total += dt / 2 * (discount * r + discount_next * r_next)
-        r = r_next
     return total

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -7,7 +9,7 @@ from swimmer_mj.cli.output import make_console, print_evaluation
 from swimmer_mj.integrators import rk4_step
 from swimmer_mj.learning.networks.networks import Cascade
 from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.problems.forms import BatchPolicy, EnvironmentForm
+from swimmer_mj.learning.problems.forms import BatchPolicy, CostForm, EnvironmentForm
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.problems.swim.environment import (
@@ -17,6 +19,7 @@ from swimmer_mj.learning.problems.swim.environment import (
     observed_state,
     record_episode,
 )
+from swimmer_mj.learning.runs import evaluation
 from swimmer_mj.learning.runs.config import RunConfig
 from swimmer_mj.learning.runs.evaluation import evaluate_run, monte_carlo_value
 from swimmer_mj.learning.runs.run import Metrics, TrainingRun, evaluation_sample
@@ -25,6 +28,14 @@ from swimmer_mj.learning.td.method import TemporalDifferences
 from swimmer_mj.parameters import SwimmerParameters
 
 THREE = SwimmerParameters(n_links=3)
+
+
+@dataclasses.dataclass(frozen=True)
+class Dear(Pendulum):
+    """One whose torque costs."""
+
+    def form(self, kind):
+        return CostForm(lambda x: np.full((*x.shape[:-1], 1), 0.1)) if kind is CostForm else None
 
 
 @pytest.fixture(scope="module")
@@ -162,9 +173,23 @@ def test_monte_carlo_value_of_a_linear_system_is_its_closed_form():
         def reward(self, x):
             return x[..., 0]
 
+        def form(self, kind):
+            return CostForm(lambda x: np.full_like(x, 0.3)) if kind is CostForm else None
+
     states = np.array([[1.0], [-2.0], [0.3]])
-    estimate = monte_carlo_value(Linear(), lambda x: np.zeros((len(x), 1)), states, tolerance=1e-6)
-    assert estimate == pytest.approx(states[:, 0] / 1.8, rel=1e-4)
+    for u in (0.0, 2.0):  # which moves nothing here, and costs 0.3 u^2 all the time
+        estimate = monte_carlo_value(Linear(), lambda x, u=u: np.full((len(x), 1), u), states, tolerance=1e-6)
+        assert estimate == pytest.approx(states[:, 0] / 1.8 - 0.3 * u**2 / 0.8, rel=1e-4)
+
+
+def test_a_recorded_episode_has_what_its_controls_cost_taken_off():
+    problem = Dear()
+    network = Cascade(3, 6, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
+    torch.nn.init.constant_(network.weight[-1], 0.5)
+    episode = evaluation.record_episode(GreedyPolicy(problem, network), 0.1)
+    assert np.abs(episode.controls).max() > 0
+    rewards = np.cos(episode.states[:-1, 0]) - 0.1 * episode.controls[:, 0] ** 2
+    assert episode.rewards[:-1] == pytest.approx(rewards, rel=1e-12)
 
 
 def test_monte_carlo_value_agrees_with_the_compiled_rollout():
