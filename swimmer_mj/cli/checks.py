@@ -28,7 +28,7 @@ def validate(seed: int = 0, html: Path | None = None, json: bool = False) -> Non
         json: Print one JSON object.
     """
     check_seed(seed)
-    if html is not None and (html.is_dir() or not html.parent.is_dir()):
+    if html is not None and ((html.exists() and not html.is_file()) or not html.parent.is_dir()):
         raise ValueError(f"--html must be a file in an existing directory, got {html}")
 
     from swimmer_mj.validation import full_report

@@ -36,7 +36,7 @@ def page(
         trust: Modules of one's own that may run when the run names them (docs/extending.md).
         json: Print one JSON object.
     """
-    if out.is_dir() or not out.parent.is_dir():
+    if (out.exists() and not out.is_file()) or not out.parent.is_dir():
         raise ValueError(f"--out must be a file in an existing directory, got {out}")
     trust_modules(trust)
 
