@@ -201,7 +201,7 @@ def _connected(address: str | None) -> Iterator[Any]:
         yield ray
         return
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
-    given = address or os.environ.get("RAY_ADDRESS")
+    given = address or os.environ.get("RAY_ADDRESS") or None  # empty is as unset
     if given is not None:
         _require_reachable(given)
     with _own_handlers():

@@ -214,3 +214,23 @@ def test_where_no_cluster_is_it_says_so_at_once(file, tmp_path, capsys):
     err = capsys.readouterr().err
     assert f"there is no Ray cluster at {address}: " in err
     assert err.count("\n") == 1
+
+
+@needs_ray
+def test_an_empty_address_is_none(file, tmp_path):
+    """Then there is a new instance, which ends with the sweep, unless one runs here."""
+    file.write_text(FILE.replace("12_000", "20").replace("500", "10").partition("[grid]")[0])
+    command = [
+        sys.executable,
+        "-m",
+        "swimmer_mj",
+        "sweep",
+        file,
+        "--out",
+        tmp_path / "out",
+        "--engine",
+        "ray",
+    ]
+    done = subprocess.run(command, env={**os.environ, "RAY_ADDRESS": ""}, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "2 of 2 runs done, 0 diverged" in done.stdout
