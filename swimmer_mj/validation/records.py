@@ -85,7 +85,7 @@ class Worst:
     def add(self, error: float, tolerance: float, where: str) -> None:
         """Note a case, measured at ``where``."""
         new = Check(self.name, float(error), float(tolerance), self.reason, where)
-        if np.isfinite(new.error):
+        if np.isfinite([new.error, new.tolerance]).all():
             excess = new.error / new.tolerance if new.tolerance > 0 else float(new.error > 0) * np.inf
             rank = (0.0 if new.passed else float(excess), new.error)
         else:

@@ -103,6 +103,21 @@ def test_an_error_that_is_no_number_fails_and_is_the_worst():
     assert worst.check().worst == "no number"
 
 
+@pytest.mark.parametrize("tolerance", [math.inf, math.nan])
+@pytest.mark.parametrize("error", [0.0, 1e-9])
+def test_a_tolerance_that_is_no_number_fails_and_is_the_worst(error, tolerance):
+    """As of a mass matrix without a condition number, however small the error."""
+    worst = Worst("", "")
+    for error_here, tolerance_here, where in (
+        (5.0, 10.0, "before"),
+        (error, tolerance, "no bound"),
+        (5.0, 1.0, "after"),
+    ):
+        worst.add(error_here, tolerance_here, where)
+    assert worst.check().worst == "no bound"
+    assert not worst.check().passed
+
+
 def test_a_section_that_measured_nothing_is_no_success():
     with pytest.raises(ValueError, match="nothing was measured for the check 'x'"):
         Worst("x", "").check()
