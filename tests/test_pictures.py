@@ -100,6 +100,14 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(tmp_path, monkeypatch, caps
     assert list(tmp_path.rglob("*.*")) == []
 
 
+def test_figures_into_a_file_are_refused_in_one_line(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    for out in (tmp_path / "file", tmp_path / "file" / "below"):
+        assert run(capsys, "figures", "linear", "--out", out) == (
+            2, "", f"swimmer-mj: {tmp_path / 'file'} is a file; choose another directory with --out\n",
+        )  # fmt: skip
+
+
 def test_the_report_of_a_swimmer(tmp_path, capsys):
     out = tmp_path / "new" / "report.html"
     status, reply, err = run(

@@ -306,6 +306,7 @@ def figures(
     for name in names:
         if name not in FIGURES:
             raise ValueError(f"there is no figure {name!r}; there are {', '.join(FIGURES)}")
+    check_directory(out)
     console = make_console(json)
     logs = out / "logs" if rerun else LOGS
     pictures, tables = {}, {}
