@@ -36,7 +36,11 @@ def save_checkpoint(
     OSError if there is no room for it; then what was there before is there still.
     """
     text = json.dumps(info, indent=2)
-    contiguous = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    # Copies, for safetensors refuses tensors that share memory.
+    contiguous = {
+        name: tensor.detach().cpu().clone(memory_format=torch.contiguous_format)
+        for name, tensor in tensors.items()
+    }
     content = save(contiguous, metadata={_KEY: text, _DIGEST: _digest(contiguous, text)})
     with replacing(path) as partial:
         try:

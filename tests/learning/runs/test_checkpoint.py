@@ -23,6 +23,14 @@ def test_round_trip(tmp_path):
     assert json.loads(path.with_suffix(".json").read_text()) == info
 
 
+def test_tensors_may_share_memory(tmp_path):
+    whole = torch.arange(6.0)
+    tensors = {"whole": whole, "same": whole, "part": whole[2:4], "turned": whole.view(2, 3).T}
+    save_checkpoint(tmp_path / "weights.safetensors", tensors, {})
+    loaded, _ = load_checkpoint(tmp_path / "weights.safetensors")
+    assert all(torch.equal(loaded[name], tensor) for name, tensor in tensors.items())
+
+
 def test_a_failed_save_leaves_the_old_checkpoint(tmp_path, monkeypatch):
     path = tmp_path / "weights.safetensors"
     save_checkpoint(path, {"a": torch.zeros(3)}, {"trial": 1})
