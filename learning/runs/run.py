@@ -13,6 +13,7 @@ import contextlib
 import csv
 import io
 import json
+import math
 import os
 import time
 from collections.abc import Iterator
@@ -245,7 +246,7 @@ class TrainingRun:
             **self.learning.info(),
             "config": self.config.to_json(),
             **facts,
-            "best_speed": self.best_speed if self.history else None,
+            "best_speed": self.best_speed if math.isfinite(self.best_speed) else None,
             "restores": self.restores,
             "history": [list(row) for row in self.history],
         }
@@ -305,6 +306,11 @@ def load_policy(
     if not path.exists() and (Path(directory) / UNFINISHED).exists():
         raise FileNotFoundError(
             f"{path} is not there: the run was not evaluated yet; go on with it to its evaluation"
+        )
+    if not path.exists() and (Path(directory) / CHECKPOINT).exists():
+        raise FileNotFoundError(
+            f"{path} is not there: no evaluation gave a number, or it was removed; take the last weights "
+            f"(--which last), or go on with the run"
         )
     tensors, info = load_checkpoint(path)
     with refused_if_of_another(path, config, info):

@@ -207,7 +207,7 @@ def train(
             "run": str(r.directory),
             "seed": r.config.seed,
             "trials": r.trial,
-            "best_speed": r.best_speed if r.history else None,
+            "best_speed": r.best_speed if math.isfinite(r.best_speed) else None,
         }
         for r in runs
     ]

@@ -155,6 +155,22 @@ def test_keeps_the_best_weights(tmp_path):
     assert torch.equal(last.network.weight, weights[2])
 
 
+def test_without_a_number_there_are_no_best_weights(tmp_path):
+    run = TrainingRun(tmp_path / "run", SMALL)
+    run.learning.rewards = lambda *_: np.array([0.25, np.nan])  # an episode has run away
+    assert np.isnan(advance(run).speed)
+    assert json.loads((run.directory / "checkpoint.json").read_text())["best_speed"] is None
+    with pytest.raises(
+        FileNotFoundError, match=r"best\.safetensors is not there: no evaluation gave a number"
+    ):
+        load_policy(run.directory)
+    assert load_policy(run.directory, "last")[2]["trial"] == 20
+    resumed = TrainingRun(tmp_path / "run", resume=True)
+    resumed.learning.rewards = lambda *_: np.array([0.25])
+    advance(resumed)
+    assert load_policy(run.directory)[2]["speed"] == resumed.best_speed == 0.25
+
+
 def test_what_a_run_leaves(tmp_path):
     run = TrainingRun(tmp_path / "run", SMALL)
     metrics = advance(run)
