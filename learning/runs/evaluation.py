@@ -65,7 +65,7 @@ def evaluate_run(
         "unit": measured[0].unit,
         "units": {one.measure: one.unit for one in measured},
         **found,
-        "n_episodes": episodes,
+        "n_episodes": len(measured[0].values),
         "mean_value": float(sample.value.mean()),
         "mean_squared_hamiltonian": float((sample.hamiltonian**2).mean()),
         "mean_return": float(returns.mean()),

@@ -233,3 +233,10 @@ def test_returns_of_a_run_with_logistic_neurons_are_those_of_its_policy(tmp_path
     assert result["speed_ci95"] is None  # of a single episode
     print_evaluation(make_console(quiet=False), result)
     assert "m/s (1 episode)\n" in capsys.readouterr().out
+
+
+def test_without_an_environment_there_are_64_episodes_at_most(tmp_path):
+    config = RunConfig(Pendulum(s_gamma=25.0), TemporalDifferences(neurons=3))
+    run = TrainingRun(tmp_path / "run", config)
+    run.save(Metrics(0, 0.0, 0.0, 0.0, 0.0))
+    assert evaluate_run(run.directory, "last", 100)["n_episodes"] == 64
