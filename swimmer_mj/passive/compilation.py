@@ -25,7 +25,7 @@ __all__ = ["COMPILE_ERRORS", "address", "complaint"]
 OPTIONS: dict[str, Any] = {"error_model": "numpy"}
 """How laws are compiled: a division by zero is infinite or no number, which is noticed, and raises nothing."""
 
-COMPILE_ERRORS = (NumbaError, UnsupportedBytecodeError)
+COMPILE_ERRORS = (NumbaError, UnsupportedBytecodeError, AssertionError)
 """What numba raises of a function that it cannot compile."""
 
 
@@ -88,6 +88,7 @@ def complaint(function: Callable[..., Any]) -> str:
         law.compile(arguments)
     except COMPILE_ERRORS as error:
         lines = [line.strip() for line in re.sub(r"\x1b\[\d*m", "", str(error)).splitlines() if line.strip()]
+        lines = lines or [f"{type(error).__name__} of numba"]
         reason, *rest = [line for line in lines if not line.startswith("Failed in ")]
         if reason.endswith(":") and rest:
             reason = f"{reason} {rest[0]}"

@@ -7,7 +7,9 @@ from __future__ import annotations
 import copy
 import ctypes
 import inspect
+import math
 import re
+import types
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +17,6 @@ from functools import cached_property
 from typing import Any
 
 import mujoco
-import numpy as np
 
 from swimmer_mj.passive import compilation, evaluation
 from swimmer_mj.passive.callback import SharedCallback, table
@@ -37,6 +38,10 @@ class Law:
     """
 
     def __init__(self, function: Callable[..., Any], name: str, shape: str | None = None) -> None:
+        if not isinstance(function, types.FunctionType):
+            raise TypeError(
+                f"a law is made of a function in Python, which it compiles itself, got {function!r}"
+            )
         taken = list(inspect.signature(function).parameters.values())
         plain = inspect.Parameter.POSITIONAL_OR_KEYWORD
         if not taken or any(p.kind != plain or p.default is not p.empty for p in taken):
@@ -163,7 +168,7 @@ class Law:
             )
         if self.shape is not None and found.type != _geom_type(self.shape):
             raise LawError(f"the law {self.name!r} needs a site of type {self.shape}, which {site!r} is not")
-        if parameters.keys() != {*self.parameters} or not np.isfinite([*parameters.values()]).all():
+        if parameters.keys() != {*self.parameters} or not all(map(_is_finite, parameters.values())):
             raise LawError(
                 f"the law {self.name!r} takes finite numbers {', '.join(self.parameters) or '(none)'}, got {parameters}"
             )
@@ -220,6 +225,13 @@ class Law:
         return error_of(failure, self.function, self.name, self.parameters, self.shape)
 
 
+def _is_finite(value: Any) -> bool:
+    try:
+        return math.isfinite(value)
+    except (TypeError, OverflowError):
+        return False
+
+
 def _geom_type(shape: str) -> int:
     return int(getattr(mujoco.mjtGeom, f"mjGEOM_{shape.upper()}"))
 
@@ -244,7 +256,7 @@ def law(name: str, shape: str | None = None) -> Callable[[Callable[..., Any]], L
         Makes a :class:`Law` of a function of a :class:`~swimmer_mj.passive.Site` and any number of parameters that
         returns a force (N) at the site's centre and a moment (N·m).
     """
-    if not re.fullmatch(r"[^\0\s]+\.[^\0\s]+", name):
+    if not isinstance(name, str) or not re.fullmatch(r"[^\0\s]+\.[^\0\s]+", name):
         raise ValueError(f"a law's name must have a dot inside and no space, as 'lab.drag', got {name!r}")
     if shape is not None and shape not in _SHAPES:
         raise ValueError(f"a law's shape must be one of {', '.join(_SHAPES)} or None, got {shape!r}")

@@ -1,6 +1,8 @@
 """Laws of a user's own: where they act, in what order, and how they fail."""
 
+import functools
 import math
+import operator
 import threading
 
 import mujoco
@@ -329,6 +331,9 @@ def test_a_missing_site_is_noticed_where_it_is_named():
         push.declare(spec, "a", fx=1)
     with pytest.raises(LawError, match=r"^the law 'test.drag' takes finite numbers c, got {'c': nan}$"):
         drag.declare(spec, "a", c=math.nan)
+    for c in ("heavy", None, [1, 2]):
+        with pytest.raises(LawError, match=r"^the law 'test.drag' takes finite numbers c, got {'c': "):
+            drag.declare(spec, "a", c=c)
     with pytest.raises(LawError, match=r"needs a site of type capsule, which 'a' is not$"):
         friction.declare(spec, "a", k=1)
     assert not spec.tuples
@@ -465,6 +470,11 @@ def unknown_field(site, c):
     return site.speed, (0, 0, 0)
 
 
+def mixed_array(site, c):
+    """At which numba fails without a word."""
+    return np.array([[c, c, c], [0, 0, 0]])
+
+
 def unknown_name(site, c):
     return undefined(site), (0, 0, 0)  # noqa: F821
 
@@ -477,6 +487,7 @@ def unknown_name(site, c):
         (tuple_product, r"does not compile: No implementation .*mul.* \(test_laws.py, line \d+\)"),
         (unknown_field, r"does not compile: Unknown attribute 'speed' .* \(test_laws.py, line \d+\)"),
         (unknown_name, "does not compile: NameError: name 'undefined' is not defined"),
+        (mixed_array, "(does not compile|must return a force and a moment)"),  # by numba's version
     ],
 )
 def test_a_law_that_does_not_compile_says_so_in_a_line_and_is_not_in_force(function, says):
@@ -487,7 +498,7 @@ def test_a_law_that_does_not_compile_says_so_in_a_line_and_is_not_in_force(funct
     assert bad.holders == 0
 
 
-@pytest.mark.parametrize("name", ["drag", "", ".drag", "lab.", "lab.my drag", "lab.drag\0"])
+@pytest.mark.parametrize("name", ["drag", "", ".drag", "lab.", "lab.my drag", "lab.drag\0", no_vectors])
 def test_a_name_has_a_dot_inside(name):
     with pytest.raises(ValueError, match="a law's name must have a dot inside and no space"):
         law(name)
@@ -499,6 +510,16 @@ def test_a_law_takes_a_site_and_plain_parameters(function):
         TypeError, match="a law takes the site and its parameters, without defaults or stars, got"
     ):
         law("test.signature")(function)
+
+
+@pytest.mark.parametrize(
+    "function", [numba.njit(no_vectors), functools.partial(no_vectors, c=1.0), operator.neg]
+)
+def test_a_law_is_made_of_a_function_in_python(function):
+    with pytest.raises(
+        TypeError, match="a law is made of a function in Python, which it compiles itself, got"
+    ):
+        law("test.compiled")(function)
 
 
 def test_a_shape_is_one_of_mujocos():
