@@ -54,6 +54,9 @@ FRICTION_TUPLE = "swimmer_mj.viscous_friction"
 FRICTION_NUMERIC = "swimmer_mj.actuator_friction"
 """Name of the custom number that keeps k beside friction by actuators; it acts on nothing."""
 
+LEAST = 1e-15
+"""kg and kg·m²: MuJoCo's mjMINVAL, above which masses and moments of inertia must be."""
+
 SOFT = "0.03 1"
 """MuJoCo's solref of solid links: time constant (s) and damping ratio."""
 
@@ -122,13 +125,18 @@ def _add_link(
         attributes["pos"] = _numbers(lengths[i - 2], 0, 0)
     body = ET.SubElement(parent, "body", attributes)
     # The moment about z is the rod's. The rod does not turn about x or y: those two only have to be possible.
-    inertia = m * l**2 / 12
+    inertia, about_x = m * l**2 / 12, m * radius**2 / 2
+    if min(m, about_x) <= LEAST:
+        raise ValueError(
+            f"MuJoCo needs masses and moments of inertia above {LEAST:g}, and link {i} of {m:g} kg and {l:g} m has "
+            f"{about_x:.1e} kg·m² about its axis; take smaller units for all parameters, such as g and mm"
+        )
     ET.SubElement(
         body,
         "inertial",
         pos=_numbers(l / 2, 0, 0),
         mass=_numbers(m),
-        diaginertia=_numbers(m * radius**2 / 2, inertia, inertia),
+        diaginertia=_numbers(about_x, inertia, inertia),
     )
     if i == 1:
         ET.SubElement(body, "joint", name="slide_x", type="slide", axis="1 0 0")

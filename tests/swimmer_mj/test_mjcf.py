@@ -151,6 +151,16 @@ def test_refuses_unknown_integrators_and_bad_timesteps(kwargs, message):
         mjcf(PAPER, **kwargs)
 
 
+def test_links_too_light_for_mujoco_are_refused_and_the_lightest_that_are_not_compile():
+    for mass, length in ((1e-9, [1.0, 1e-3]), (0.9e-15, 1e3)):
+        with pytest.raises(
+            ValueError, match=r"above 1e-15, and link 1 of .* kg and .* m has .*; take smaller units"
+        ):
+            mjcf(SwimmerParameters(2, mass=mass, length=length))
+    for mass, length in ((1.1e-15, 1e3), (1.0, 1.1 * np.sqrt(2e-15) / 0.07)):
+        compiled(SwimmerParameters(2, mass=mass, length=length))
+
+
 @pytest.mark.parametrize("name", PAPER_MODELS)
 def test_generated_files_are_the_builders_output(name):
     n_links, friction = PAPER_MODELS[name]
