@@ -16,7 +16,10 @@ __all__ = ["PAPER", "SwimmerParameters"]
 def _one_per(value: float | Sequence[float], n_links: int, name: str, of: str) -> tuple[float, ...]:
     """``value`` as positive floats, one per link or joint; a scalar is repeated."""
     count = n_links - 1 if of == "joint" else n_links
-    values = np.asarray(value)
+    try:
+        values = np.asarray(value)
+    except ValueError:  # sequences within it, of unequal lengths
+        values = np.array(None)
     if values.dtype.kind not in "iuf" and values.size:
         raise TypeError(f"{name} must be a number or one number per {of}, got {value!r}")
     if values.ndim == 0:

@@ -1,5 +1,6 @@
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -82,8 +83,9 @@ def test_another_number_of_links_says_where_to_get_its_parameters():
 
 @pytest.mark.parametrize("name", ["mass", "length", "viscous_friction", "torque_limit"])
 def test_refuses_what_is_no_number(name):
-    with pytest.raises(TypeError, match=name):
-        SwimmerParameters(3, **{name: "heavy"})
+    for value in ("heavy", None, [1.0, [2.0, 3.0]]):
+        with pytest.raises(TypeError, match=f"{name} must be a number.*, got {re.escape(repr(value))}"):
+            SwimmerParameters(3, **{name: value})
 
 
 def test_arrays_are_copies():
