@@ -117,8 +117,8 @@ def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: floa
         raise ValueError(f"height and width of a video must be even, got {height} x {width}")
     with replacing(path) as partial:
         count = _encode(partial, _alike(itertools.chain([first], frames), first.shape), fps, encoder)
-        if not _complete(partial, count):  # a full disk, say
-            raise OSError(f"ffmpeg did not write all {count} frames of {os.fspath(path)}")
+        if count is None or not _complete(partial, count):
+            raise OSError(f"ffmpeg did not write all frames of {os.fspath(path)}; is there room on the disk?")
     return count
 
 
@@ -130,8 +130,8 @@ def _alike(frames: Iterable[Frame], shape: tuple[int, ...]) -> Iterator[Frame]:
         yield frame
 
 
-def _encode(path: Path, frames: Iterator[Frame], fps: float, encoder: _Encoder) -> int:
-    """Pipe ``frames`` to ffmpeg; their number."""
+def _encode(path: Path, frames: Iterator[Frame], fps: float, encoder: _Encoder) -> int | None:
+    """Pipe ``frames`` to ffmpeg; their number, or None if it ends before they do."""
     first = next(frames)
     height, width, _ = first.shape
     pipe = imageio_ffmpeg.write_frames(
@@ -143,21 +143,29 @@ def _encode(path: Path, frames: Iterator[Frame], fps: float, encoder: _Encoder) 
         codec=encoder.codec,
         macro_block_size=2 if encoder.even else 1,
         output_params=[*encoder.options],
-        ffmpeg_log_level="error",
+        ffmpeg_log_level="fatal",
     )
     with contextlib.closing(pipe):
         pipe.send(None)
         count = 0
         for frame in itertools.chain([first], frames):
-            pipe.send(np.ascontiguousarray(frame))
+            try:
+                pipe.send(np.ascontiguousarray(frame))
+            except OSError:
+                return None
             count += 1
     return count
 
 
 def _complete(path: Path, count: int) -> bool:
     """Whether the file can be read and has ``count`` frames; of WebP, equal frames in a row are one."""
+    if path.suffix == ".gif" and not path.read_bytes().endswith(b";"):
+        return False  # its last frame may be there in part
     if path.suffix != ".webp":
-        return imageio_ffmpeg.count_frames_and_secs(str(path))[0] == count
+        try:
+            return imageio_ffmpeg.count_frames_and_secs(str(path))[0] == count
+        except RuntimeError:
+            return False
     try:
         with Image.open(path) as picture:
             return 1 <= getattr(picture, "n_frames", 1) <= count

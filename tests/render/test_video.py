@@ -292,6 +292,32 @@ def test_a_video_that_fails_leaves_no_file(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.fixture
+def room():
+    """Let what is started write files of so many bytes at most, as on a disk that is full then."""
+    resource = pytest.importorskip("resource")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "size"),
+    [(".mp4", (64, 64)), (".mkv", (64, 64)), (".gif", (64, 64)), (".webp", (64, 64)), (".mp4", (480, 640))],
+)  # of large frames, ffmpeg ends before all are piped
+def test_a_full_disk_is_told_in_one_line_and_leaves_no_file(tmp_path, room, capfd, suffix, size):
+    rng = np.random.default_rng(0)
+    noise = [rng.integers(0, 255, (*size, 3), dtype=np.uint8) for _ in range(12)]
+    whole = tmp_path / f"whole{suffix}"
+    write_video(whole, noise)
+    for bytes_there in (8000, whole.stat().st_size - 40):
+        room(bytes_there)
+        with pytest.raises(OSError, match=rf"frames of .*swim\{suffix}; is there room on the disk\?$"):
+            write_video(tmp_path / f"swim{suffix}", noise)
+    assert list(tmp_path.iterdir()) == [whole]
+    assert capfd.readouterr().err == ""
+
+
 @pytest.mark.parametrize(
     ("name", "shapes", "message"),
     [
