@@ -75,7 +75,8 @@ def settings_name(settings: Mapping[str, Any]) -> str:
 
 def _plain(text: str) -> str:
     """``text`` with all but letters, digits and ``.+-_`` as dashes: good in the name of a file on any system."""
-    return re.sub(r"[^\w.+-]+", "-", text).strip("-")
+    sign = "-" if re.match(r"\W*-[\d.]", text) else ""
+    return sign + re.sub(r"[^\w.+-]+", "-", text).strip("-")
 
 
 def run_jobs(
@@ -145,7 +146,8 @@ def rows_of(jobs: Sequence[Job], directory: Path, trials: int) -> list[dict[str,
         if (path / CHECKPOINT).exists():
             info = load_checkpoint(path / CHECKPOINT)[1]
             row |= {"trials": info["trial"], "seconds": info["seconds"]}
-            row |= {"speed": info["best_speed"], "last_speed": info["history"][-1][-1]}
+            last = info["history"][-1][-1]
+            row |= {"speed": info["best_speed"], "last_speed": last if np.isfinite(last) else None}
         rows.append(row)
     return rows
 

@@ -15,7 +15,7 @@ from swimmer_mj.learning.runs.checkpoint import load_checkpoint
 from swimmer_mj.learning.runs.config import read_config
 from swimmer_mj.learning.runs.engines.local import LocalEngine
 from swimmer_mj.learning.runs.run import TrainingRun
-from swimmer_mj.learning.runs.sweep import grid, random_search, run_jobs, settings_name
+from swimmer_mj.learning.runs.sweep import grid, random_search, rows_of, run_jobs, settings_name
 from swimmer_mj.learning.runs.together import train_together
 from swimmer_mj.render.sweep import sweep_plot
 
@@ -68,6 +68,8 @@ def test_random_draws_keep_to_their_law_and_repeat():
 def test_names_of_directories_say_the_settings_on_any_system():
     assert settings_name({"eta": 0.02, "layers": [8, 8], "law": "a:b/c"}) == "eta-0.02_layers-8-8_law-a-b-c"
     assert settings_name({}) == "run"
+    negative = {"offset": -1, "shift": [-0.5, 2], "slope": [1, -2], "low": -1e-7}
+    assert settings_name(negative) == "offset--1_shift--0.5-2_slope-1--2_low--1e-07"
 
 
 def test_a_file_becomes_jobs(file):
@@ -199,6 +201,15 @@ def test_a_run_that_diverges_has_its_row_and_the_others_go_on(file, tmp_path, ca
         assert "4 of 8 runs done, 4 diverged" in printed
     assert "is too large" not in printed
     assert "is too large" in (out / "eta-1000000000.0_mass-1.0" / "seed-0" / "diverged.txt").read_text()
+
+
+def test_the_row_of_a_run_whose_evaluations_gave_no_number(file, tmp_path):
+    jobs, trials = read_jobs(file)
+    run = TrainingRun(tmp_path / jobs[0].name, jobs[0].config)
+    run.save(run.evaluate(0.0)._replace(trial=20, speed=np.nan))
+    row = rows_of(jobs[:1], tmp_path, trials)[0]
+    assert row["speed"] is None
+    assert row["last_speed"] is None
 
 
 def test_another_sweep_is_not_mixed_in(file, tmp_path, capsys):
