@@ -28,7 +28,7 @@ class Racer {
     this.trail = [];
     this.samples = [];
     this.arrived = null; // s
-    this.kicked = 0; // steps for which a kick goes on
+    this.kicked = 0; // steps until a kick has ended
     this.before = Float64Array.from(this.swimmer.qpos);
   }
 
@@ -194,7 +194,7 @@ export class Arena {
 
   /** Push each swimmer sideways for a moment. */
   kick() {
-    for (const racer of this.racers) racer.kicked = KICK.steps;
+    for (const racer of this.racers) racer.kicked = KICK.steps + 1; // after the last, the force is taken away
   }
 
   /** Forces from outside at this moment. */

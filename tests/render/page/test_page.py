@@ -306,6 +306,22 @@ def test_the_pointer_pushes_a_swimmer(page):
     assert_allclose(after["qvel"], page.js("swimmer.state().qvel"), rtol=0, atol=1e-9)
 
 
+def test_a_push_is_as_strong_and_as_long_as_the_docs_say(page):
+    """40 N on the middle link for 0.2 s, to the left of the target direction; no torques."""
+    page.do("swimmer.hold([0, 0, 0, 0])")
+    state = page.js("swimmer.state()")
+    press(page, "p")
+    page.do("swimmer.step(40)")
+    model = mujoco.MjModel.from_xml_string(mjcf(PAPER, friction="actuators"))
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = state["qpos"], state["qvel"]
+    for k in range(40):
+        data.body("link_3").xfrc_applied[1] = 40.0 if k < 20 else 0.0
+        mujoco.mj_step(model, data)
+    after = page.js("swimmer.state()")
+    assert_allclose(after["qpos"] + after["qvel"], [*data.qpos, *data.qvel], rtol=0, atol=1e-9)
+
+
 def test_keys(page):
     js = page.js
     for keys, angle in (
