@@ -13,12 +13,13 @@ python=${PYTHON:-python3}
 echo "setup: installing into $venv; a few minutes"
 "$venv/bin/python" -m pip install --quiet --editable '.[dev]'
 
-# System libraries and programs, which pip cannot bring: OSMesa draws on the CPU, without a screen or a GPU; Chromium and
-# its driver are for the tests of the browser page.
-has_osmesa() { "$venv/bin/python" -c 'import ctypes.util, sys; sys.exit(ctypes.util.find_library("OSMesa") is None)'; }
+# System libraries and programs, which pip cannot bring: OSMesa draws on the CPU, without a screen or a GPU, and EGL does
+# where Mesa has OSMesa no longer; Chromium and its driver are for the tests of the browser page.
+has() { "$venv/bin/python" -c 'import ctypes.util, sys; sys.exit(ctypes.util.find_library(sys.argv[1]) is None)' "$1"; }
 has_browser() { command -v chromedriver >/dev/null 2>&1 && { command -v chromium || command -v google-chrome; } >/dev/null 2>&1; }
 missing=
-has_osmesa || missing=libosmesa6
+has OSMesa || missing=libosmesa6
+has OSMesa || has EGL || missing="$missing libegl1 libgl1-mesa-dri"
 has_browser || missing="$missing chromium chromium-driver"
 [ -n "$missing" ] || exit 0
 if command -v apt-get >/dev/null 2>&1; then
@@ -35,5 +36,5 @@ if command -v apt-get >/dev/null 2>&1; then
         done
     fi
 fi
-has_osmesa || echo "setup: pictures need OSMesa, which is not installed; install it with: sudo apt-get install libosmesa6" >&2
+has OSMesa || has EGL || echo "setup: pictures need OSMesa or EGL; install one with: sudo apt-get install libosmesa6, or where that is no longer had: libegl1 libgl1-mesa-dri" >&2
 has_browser || echo "setup: the tests of the page need Chromium; install it with: sudo apt-get install chromium chromium-driver" >&2
