@@ -30,6 +30,7 @@ __all__ = [
     "episode_shares",
     "episode_steps",
     "episode_sums",
+    "is_by_euler",
     "require_euler",
     "step_by_euler",
 ]
@@ -165,11 +166,17 @@ def episode_sums(
 
 def require_euler(problem: ControlProblem) -> None:
     """Refuse a problem that is stepped by another method than its learner would use."""
-    integrator: Any = getattr(problem, "integrator", "euler")
-    if integrator != "euler":
+    if not is_by_euler(problem):
+        integrator: Any = getattr(problem, "integrator", None)
         raise ValueError(
-            f"this learner integrates by Euler's method, got integrator {integrator!r}; use ContinuousTD"
+            f"this learner integrates by Euler's method, got integrator {integrator!r}; "
+            "use ContinuousTD, which is method td with engine 'torch'"
         )
+
+
+def is_by_euler(problem: ControlProblem) -> bool:
+    """Whether ``problem`` is stepped by Euler's method, as it is if it does not say otherwise."""
+    return getattr(problem, "integrator", "euler") == "euler"
 
 
 def step_by_euler(problem: ControlProblem, x: Array, u: Array, dt: float) -> Array:

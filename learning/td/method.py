@@ -19,7 +19,12 @@ from swimmer_mj.learning.method import Along
 from swimmer_mj.learning.networks.networks import Cascade, DType, Sigmoid
 from swimmer_mj.learning.networks.policy import GreedyPolicy
 from swimmer_mj.learning.problems.forms import Learner, TrialsForm, episode_of
-from swimmer_mj.learning.problems.problem import ControlProblem, episode_shares
+from swimmer_mj.learning.problems.problem import (
+    ControlProblem,
+    episode_shares,
+    is_by_euler,
+    require_euler,
+)
 from swimmer_mj.learning.problems.settings import require_choices, require_units
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.td.fused import FusedTD, obstacle
@@ -49,7 +54,8 @@ class TemporalDifferences:
     dtype: DType = "float32"
     sigmoid: Sigmoid = "tanh"
     engine: Literal["auto", "fused", "population", "torch"] = "auto"
-    """"auto" is "fused" where the problem is compiled and its controls are free and of the instant, else "torch"."""
+    """"auto" is "fused" where the problem is compiled and stepped by Euler's method, and its controls are free and of
+    the instant, else "torch"."""
 
     evaluate_every: ClassVar[int] = 2000
     label: ClassVar[str] = "TD(λ)"
@@ -115,7 +121,7 @@ class TemporalDifferences:
         """Engine "population" for more than a few compiled learners."""
         if self.engine != "auto" or count <= MANY:
             return self
-        compiled = obstacle(problem) is None and problem.form(TrialsForm) is None
+        compiled = obstacle(problem) is None and problem.form(TrialsForm) is None and is_by_euler(problem)
         return dataclasses.replace(self, engine="population") if compiled else self
 
 
@@ -132,7 +138,9 @@ class TDLearning:
         self.environment = problem.form(TrialsForm)
         why = obstacle(problem)
         compiled = why is None
-        engine = method.engine if method.engine != "auto" else "fused" if compiled else "torch"
+        as_problem_steps = self.environment is not None or is_by_euler(problem)
+        auto = "fused" if compiled and as_problem_steps else "torch"
+        engine = method.engine if method.engine != "auto" else auto
         if self.environment is not None and engine == "population":
             raise ValueError(
                 f"engine 'population' learns on compiled equations, and {problem.name!r} is to be learned in its "
@@ -144,6 +152,8 @@ class TDLearning:
             raise ValueError(
                 f"engine {engine!r} cannot learn {problem.name!r}, which {why}; use engine 'torch'"
             )
+        if engine != "torch" and not as_problem_steps:
+            require_euler(problem)
         self.fused = FusedTD(problem, self.network, settings) if compiled else None
         self.torch = ContinuousTD(problem, self.network, settings) if engine == "torch" else None
 

@@ -23,7 +23,7 @@ from swimmer_mj.learning.runs.config import RunConfig, read_config
 from swimmer_mj.learning.runs.lock import RunInUseError
 from swimmer_mj.learning.runs.run import Metrics, TrainingRun, load_policy
 from swimmer_mj.learning.runs.together import Pack, train_together
-from swimmer_mj.learning.td.continuous_td import TDSettings
+from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.td.method import TDLearning, TemporalDifferences
 from swimmer_mj.learning.td.vario_eta import VarioEta
 from swimmer_mj.learning.value_gradient.method import ValueGradients
@@ -299,6 +299,18 @@ def test_controls_that_cost_are_learned_by_the_reference_for_many_seeds_too(tmp_
     assert learning.judge(states)[1] == pytest.approx(policy.judge(states).hamiltonian, rel=1e-6)
     mean = policy.episodes(states, np.full(50, 0.02), 0.01)
     assert learning.rewards(states, 0.5, 0.0) == pytest.approx(mean, rel=1e-6)
+
+
+def test_another_integrator_is_learned_with_by_the_reference_for_many_seeds_too():
+    problem = Swimming(SwimmerParameters(n_links=3), integrator="rk4")
+    settings = dataclasses.replace(SETTINGS, trial_duration=0.05)
+    method = TemporalDifferences(settings, neurons=4, dtype="float64").for_seeds(problem, 16)
+    learning = method.start(problem, 0)
+    learning.learn(1)
+    reference = ContinuousTD(problem, method.network(problem, 0), settings)
+    reference.run_trial(problem.initial_states(np.random.default_rng(0), 1)[0])
+    assert reference.network.weight[-1].abs().max() > 0
+    assert torch.equal(learning.network.weight, reference.network.weight)
 
 
 def test_a_pack_computes_what_its_runs_compute_alone(tmp_path):
@@ -676,6 +688,12 @@ IN_MUJOCO = Swimming(physics="mujoco")
             TemporalDifferences(engine="population"),
             "engine 'population' cannot learn 'pendulum', which has controls that cost; use engine 'torch'",
         ),
+        (
+            Swimming(integrator="rk4"),
+            TemporalDifferences(engine="fused"),
+            "by Euler's method, got integrator 'rk4'",
+        ),
+        (Swimming(integrator="rk4"), ValueGradients(), "by Euler's method, got integrator 'rk4'"),
     ],
 )
 def test_a_method_that_cannot_learn_a_problem_says_so_before_anything_is_written(
