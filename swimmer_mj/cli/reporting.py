@@ -5,6 +5,7 @@ from __future__ import annotations
 import json as json_module
 import os
 import platform
+import shlex
 import tempfile
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
@@ -18,6 +19,7 @@ from swimmer_mj.cli.output import CheckFailedError, make_console, print_json, pr
 from swimmer_mj.cli.pictures import Backend, record, run_label
 from swimmer_mj.cli.runs import Which, first_policy_directory
 from swimmer_mj.cli.shots import EPISODE, Shot
+from swimmer_mj.cli.training import own_modules
 from swimmer_mj.cli.webpage import described_policies
 
 if TYPE_CHECKING:
@@ -93,7 +95,7 @@ def report(
             parts, checks = _parts_of_any(directory, policy, config, result, shot), []
         else:
             parts, checks = _parts_of_swimmer(directory, policy, config, swimmer, result, shot)
-        parts += [_configuration(config), _reproduction(name, config, result)]
+        parts += [_configuration(config), _reproduction(name, config, result, which, episodes)]
     place = out or (run if directory.parent == PRETRAINED else directory) / "report.html"
     foot = f"swimmer-mj report {name}. {_versions()}"
     size = write_report(place, report_page(f"Report of {name}", _lead(config, result), parts, foot))
@@ -349,7 +351,7 @@ def _configuration(config: RunConfig) -> Part:
     return Part("configuration", "Configuration", (facts(values), saved))
 
 
-def _reproduction(name: str, config: RunConfig, result: dict[str, Any]) -> Part:
+def _reproduction(name: str, config: RunConfig, result: dict[str, Any], which: Which, episodes: int) -> Part:
     """A script that learns it again, and the commands of this page."""
     from importlib.metadata import version
 
@@ -358,18 +360,23 @@ def _reproduction(name: str, config: RunConfig, result: dict[str, Any]) -> Part:
     lines = ",\n".join(
         f" {json_module.dumps(key)}: {json_module.dumps(value)}" for key, value in config.to_json().items()
     )
+    own = own_modules([config])
     script = (
         "import json\n"
-        "from swimmer_mj.learning.runs.config import RunConfig\n"
+        + "".join(f"import {module}\n" for module in own)
+        + "from swimmer_mj.learning.runs.config import RunConfig\n"
         "from swimmer_mj.learning.runs.run import TrainingRun\n"
         "from swimmer_mj.learning.runs.together import train_together\n\n"
         f'config = RunConfig.from_json(json.loads(r"""{{\n{lines}\n}}"""))\n'
         f'train_together([TrainingRun("again", config)], trials={result["trials"]})\n'
     )
+    trusted = ["--trust", *own] if own else []
+    options = ["--which", which] if which != "best" else []
+    options += ["--episodes", str(episodes)] if episodes != 64 else []
     commands = (
-        f"swimmer-mj report {name}      # this page\n"
-        f"swimmer-mj evaluate {name}    # its numbers\n"
-        "swimmer-mj report again       # of the run that the script makes\n"
+        f"{shlex.join(['swimmer-mj', 'report', name, *options, *trusted])}    # this page\n"
+        f"{shlex.join(['swimmer-mj', 'evaluate', name, *options, *trusted])}    # its numbers\n"
+        f"{shlex.join(['swimmer-mj', 'report', 'again', *trusted])}    # of the run that the script makes\n"
     )
     return Part(
         "reproduce",

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from swimmer_mj.learning.runs.run import TrainingRun
     from swimmer_mj.learning.runs.together import Report
 
-__all__ = ["OPTIONS", "changed", "configured", "parse_seeds", "train", "train_runs"]
+__all__ = ["OPTIONS", "changed", "configured", "own_modules", "parse_seeds", "train", "train_runs"]
 
 OPTIONS = (
     "links", "reward", "physics", "coordinates", "held", "engine", "neurons", "eta", "s_gamma", "s_lambda", "vario_eta",
@@ -363,16 +363,16 @@ def how_to_go_on(runs: Sequence[TrainingRun], trials: int | None) -> str:
     if len(runs) > 1 and all(run.directory.name == f"seed-{run.config.seed}" for run in runs):
         directories = sorted({directory.parent for directory in directories})
     until = [] if trials is None else ["--trials", str(trials)]
-    until += ["--trust", *modules] if (modules := _own_modules(runs)) else []
+    until += ["--trust", *modules] if (modules := own_modules([run.config for run in runs])) else []
     commands = (["swimmer-mj", "train", "--out", str(path), "--resume", *until] for path in directories)
     return " && ".join(map(shlex.join, commands))
 
 
-def _own_modules(runs: Sequence[TrainingRun]) -> list[str]:
-    """Modules that do not come with the package, of the runs' problems, rewards and methods."""
-    found = {type(thing).__module__ for run in runs for thing in (run.config.problem, run.config.method)}
+def own_modules(configs: Sequence[RunConfig]) -> list[str]:
+    """Modules that do not come with the package, of the problems, rewards and methods of ``configs``."""
+    found = {type(thing).__module__ for config in configs for thing in (config.problem, config.method)}
     found |= {
-        str(getattr(run.config.problem, "reward_function", None) or "").partition(":")[0] for run in runs
+        str(getattr(config.problem, "reward_function", None) or "").partition(":")[0] for config in configs
     }
     return sorted(name for name in found if name and name.partition(".")[0] != "swimmer_mj")
 
