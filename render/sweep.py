@@ -16,6 +16,8 @@ __all__ = ["draw_sweep", "sweep_plot"]
 
 MOST = 40
 """Combinations in the picture: the best ones."""
+LETTER = 0.065
+"""Of a label, inches."""
 NO_SETTINGS = ("job", "seed", "trials", "seconds", "speed", "last_speed", "state")
 
 
@@ -32,7 +34,8 @@ def sweep_plot(rows: Sequence[Mapping[str, Any]], measure: str = "swimming speed
     }
     order = sorted(groups, key=lambda label: -speeds[label].mean() if speeds[label].size else np.inf)
     shown = order[:MOST]
-    figure = Figure(figsize=(7.2, 1.4 + 0.26 * len(shown)), layout="constrained")
+    labels = LETTER * max(map(len, shown))
+    figure = Figure(figsize=(max(7.2, 5.9 + labels), 1.4 + 0.26 * len(shown)), layout="constrained")
     axes = figure.subplots()
     plain_axes(axes)
     axes.margins(x=0.04)
