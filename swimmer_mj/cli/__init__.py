@@ -152,7 +152,10 @@ def _run(arguments: list[str]) -> int:
         sys.path.append(os.getcwd())  # as python -m does: there is module:Problem of one's own
     with contextlib.suppress(BackendError):
         use_backend()  # else dm_control looks for a screen when it is imported, also where nothing is drawn
-    if command.func is not view:  # which may refuse before it imports anything, and has dm_control's way
+    if command.func not in (
+        view,
+        doctor,
+    ):  # view may refuse before it imports anything; doctor says what is missing
         report_mujoco_warnings()
     try:
         command()

@@ -59,6 +59,9 @@ def doctor(backend: Backend | None = None, json: bool = False) -> None:
         except BrokenError as error:
             problems.append(f"{name}: {error}")
             report[name] = error.facts
+        except ImportError as error:
+            problems.append(f"{name}: {error}; mend it with: pip install --force-reinstall swimmer-mj")
+            report[name] = {"error": str(error)}
     report["problems"] = problems
     console = make_console(json)
     print_facts(console, _found(report))
@@ -91,7 +94,9 @@ def _versions() -> dict[str, str]:
             wrong.append((f"{requirement.name} is missing", requirement))
     if wrong:
         facts = ", ".join(f"{fact}, and must be {need.specifier}" for fact, need in wrong)
-        mended = " ".join(f"'{need.name}{need.specifier}'" for _, need in wrong)
+        for _, need in wrong:
+            need.marker = None  # pip is told the rest, with extras
+        mended = " ".join(f"'{need}'" for _, need in wrong)
         raise BrokenError(f"{facts}; mend it with: pip install {mended}")
     found = {}
     for package in PACKAGES:
@@ -114,15 +119,15 @@ def _rendering(backend: str | None) -> dict[str, Any]:
 
 def _ffmpeg() -> str:
     """The version of the encoder of videos."""
-    import imageio_ffmpeg
-
     mend = "mend it with: pip install --force-reinstall --no-deps imageio-ffmpeg"
     if "IMAGEIO_FFMPEG_EXE" in os.environ:
         mend = "mend it with: unset IMAGEIO_FFMPEG_EXE"
     try:
+        import imageio_ffmpeg
+
         program = imageio_ffmpeg.get_ffmpeg_exe()
         done = subprocess.run([program, "-version"], capture_output=True, text=True, timeout=60)
-    except (RuntimeError, OSError, subprocess.TimeoutExpired) as error:
+    except (ImportError, RuntimeError, OSError, subprocess.TimeoutExpired) as error:
         given = " (IMAGEIO_FFMPEG_EXE names it)" if "IMAGEIO_FFMPEG_EXE" in os.environ else ""
         raise BrokenError(f"it does not run{given}: {' '.join(str(error).split())[:100]}; {mend}") from error
     if done.returncode != 0:

@@ -3,6 +3,7 @@
 import importlib
 import json
 import shutil
+import subprocess
 import sys
 from collections import namedtuple
 
@@ -28,6 +29,21 @@ def no_ffmpeg(monkeypatch, tmp_path):
 
 def another_ffmpeg(monkeypatch, tmp_path):
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", "false")
+
+
+def no_encoder(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+
+
+def no_compiler(monkeypatch, tmp_path):
+    monkeypatch.setitem(
+        sys.modules, "swimmer_mj.compiled.cache", None
+    )  # which cannot be imported without numba
+
+
+def no_imageio(monkeypatch, tmp_path):
+    real = doctor.version
+    monkeypatch.setattr(doctor, "version", lambda name: "1.2.3" if name == "imageio" else real(name))
 
 
 def no_cache(monkeypatch, tmp_path):
@@ -82,6 +98,9 @@ def no_callback_is_left():
         ),
         (no_ffmpeg, "ffmpeg: it does not run (IMAGEIO_FFMPEG_EXE names it): "),
         (another_ffmpeg, "mend it with: unset IMAGEIO_FFMPEG_EXE"),
+        (no_encoder, "ffmpeg: it does not run: import of imageio_ffmpeg halted; None in sys.modules; mend it"),
+        (no_compiler, "cache: import of swimmer_mj.compiled.cache halted; None in sys.modules; mend it with"),
+        (no_imageio, "mend it with: pip install 'imageio[ffmpeg]>="),
         (no_cache, "mend it with: export NUMBA_CACHE_DIR=$HOME/.cache/swimmer-mj"),
         (full_disk, "disk: 1 MB are free in "),
         (old_version, "versions: numpy is 1.2.3, and must be >=2; mend it with: pip install 'numpy>=2'"),
@@ -98,6 +117,19 @@ def test_a_broken_piece_is_named_with_what_mends_it(break_it, said, monkeypatch,
     assert main(["doctor", "--json"]) == 1
     (problem,) = json.loads(capsys.readouterr().out)["problems"]
     assert said in problem
+
+
+def test_without_mujoco_it_still_says_what_mends_it():
+    code = (
+        "import sys\nsys.modules['mujoco'] = None\nfrom swimmer_mj.cli import main\n"
+        "sys.exit(main(['doctor', '--json']))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (1, "")
+    (problem,) = json.loads(done.stdout)["problems"]
+    assert problem.startswith(
+        "callback: import of mujoco halted; None in sys.modules; mend it with: pip install"
+    )
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="cores are told apart there")
