@@ -63,9 +63,13 @@ class TorchProblem:
         return x
 
     def __post_init__(self: _Equations) -> None:
-        # Functions whose results have other shapes, or are not finite at a state that is drawn, are refused.
+        # Functions whose results have other shapes or types, or are not finite at a state that is drawn, are refused.
         require_positive(self, "s_gamma")
-        if not self.limits or not all(math.isfinite(U) and U > 0 for U in self.limits):
+        if (
+            not np.iterable(self.limits)
+            or not [*self.limits]
+            or not all(0 < U < math.inf for U in self.limits)
+        ):
             raise ValueError(f"limits must be positive and finite, one per control; got {self.limits!r}")
         drawn = np.shape(self.draw(np.random.default_rng(0), 3))
         if len(drawn) != 2 or drawn[0] != 3:
@@ -79,15 +83,21 @@ class TorchProblem:
             ("control_matrix", self.control_matrix(x), (n, p, q)),
             ("reward_rate", self.reward_rate(x), (n,)),
         ):
+            if not isinstance(value, Tensor):
+                raise ValueError(f"{name} must return a tensor, got {type(value).__name__}")
             if value.shape != shape:
                 raise ValueError(
                     f"{name} must return shape {shape} for states ({n}, {p}), got {tuple(value.shape)}"
                 )
+            if name != "reward_rate":
+                _require_type_of(name, value, x)
             if not bool(torch.isfinite(value).all()):
                 raise ValueError(f"{name} is not finite at {sample[0].tolist()}")
         z = self.encode(x)
         if z.ndim != 2 or len(z) != n:
             raise ValueError(f"encode must return shape ({n}, m) for states ({n}, {p}), got {tuple(z.shape)}")
+        for states in (x, x.float()):  # a network is asked in its own type
+            _require_type_of("encode", self.encode(states), states)
 
     @property
     def state_size(self: _Equations) -> int:
@@ -132,6 +142,14 @@ class TorchProblem:
         if kind is EpisodeForm:
             return self.episode  # pyright: ignore[reportReturnType]
         return None
+
+
+def _require_type_of(name: str, value: Tensor, x: Tensor) -> None:
+    """Refuse what the function ``name`` made of the states ``x`` if its numbers are of another type."""
+    if value.dtype != x.dtype:
+        raise ValueError(
+            f"{name} must return {x.dtype} for states of {x.dtype}, got {value.dtype}; make constants by x.new_tensor"
+        )
 
 
 def _sample(problem: _Equations) -> Tensor:

@@ -107,6 +107,32 @@ def _slope_weights(problem: ControlProblem, w: float) -> Tensor:
     return torch.where(squared > 0, w / squared, 0.0)
 
 
+def _reward_and_slope(form: TorchForm, x: Tensor) -> tuple[Tensor, Tensor]:
+    """dr/dx (N, p) and r (N,) at x (N, p)."""
+    return torch.func.vmap(torch.func.grad_and_value(lambda y: form.reward_rate(y[None])[0]))(x)
+
+
+def _require_derivatives(problem: ControlProblem, form: TorchForm) -> None:
+    """Refuse functions that cannot be differentiated as a round needs it, and a reward without a slope."""
+    x = _sample(problem)[:2]
+    try:
+        transition_pullback(form, x, x.new_zeros(2, len(problem.control_limits)), 1.0, x)
+        r = form.reward_rate(x.requires_grad_())
+        _reward_and_slope(form, x.detach())
+    except (RuntimeError, TypeError) as error:
+        said = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise ValueError(
+            f"{problem.name}: torch.func cannot differentiate drift, control matrix or reward rate, which value "
+            f"gradients ask for: {said}; in them, avoid NumPy, .item(), branches on values and changes in place, or "
+            f"learn with --method td"
+        ) from error
+    if not r.requires_grad:
+        raise ValueError(
+            f"{problem.name}: the reward has no slope, which value gradients follow (constant, a comparison, or "
+            f"detached): give a smooth one, or learn with --method td"
+        )
+
+
 class _TorchEngine(TorchActor):
     """By automatic differentiation."""
 
@@ -116,6 +142,7 @@ class _TorchEngine(TorchActor):
         self, problem: ControlProblem, network: ValueNetwork, settings: ValueGradientSettings
     ) -> None:
         super().__init__(problem, network)
+        _require_derivatives(problem, self.form)
         self.settings, self.bounds = settings, input_bounds(problem)
         self.coordinates = problem.form(CoordinatesForm)
         self.slope_weights = _slope_weights(problem, settings.slope_weight).to(self.parameters[0])
@@ -143,9 +170,7 @@ class _TorchEngine(TorchActor):
                 [y[order] for y in several] for several in (states, controls, values, slopes)
             )
         X = torch.stack(states[:-1])
-        drdx, r = torch.func.vmap(torch.func.grad_and_value(lambda y: form.reward_rate(y[None])[0]))(
-            X.flatten(0, 1)
-        )
+        drdx, r = _reward_and_slope(form, X.flatten(0, 1))
         G, g = targets(
             r.view(X.shape[:2]),
             drdx.view(X.shape),

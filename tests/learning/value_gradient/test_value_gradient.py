@@ -282,11 +282,58 @@ def test_a_problem_may_leave_state_variables_out_and_be_written_for_batches_only
             {"draw": lambda rng, count: np.zeros((1, 1))},
             r"draw must return .*, got \(1, 1\) for a count of 3",
         ),
+        ({"limits": 1.0}, r"limits must be positive and finite, one per control; got 1\.0"),
+        ({"limits": np.array([1.0, 0.0])}, "limits must be positive and finite, one per control; got array"),
+        ({"reward_rate": lambda x: x[:, 0].numpy()}, "reward_rate must return a tensor, got ndarray"),
+        (
+            {"control_matrix": lambda x: torch.ones(len(x), 1, 1)},
+            r"control_matrix must return torch\.float64 for states of torch\.float64, got torch\.float32; make",
+        ),
+        ({"drift": lambda x: x.float()}, r"drift must return torch\.float64 .*, got torch\.float32"),
+        (
+            {"encode": lambda x: x.double()},
+            r"encode must return torch\.float32 for states of torch\.float32, got",
+        ),
+        (
+            {"encode": lambda x: x.float()},
+            r"encode must return torch\.float64 for states of torch\.float64, got",
+        ),
     ],
 )
 def test_a_problem_refuses(changes, message):
     with pytest.raises(ValueError, match=message):
         dataclasses.replace(run_to_the_middle(), **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"drift": lambda x: torch.from_numpy(0 * x.detach().numpy())},
+            "torch.func cannot differentiate .*storage",
+        ),
+        (
+            {"reward_rate": lambda x: x[:, 0] if x.max() < 9 else -x[:, 0]},
+            "torch.func cannot differentiate .*vmap",
+        ),
+        (
+            {"reward_rate": lambda x: torch.zeros(len(x)).double().copy_(x[:, 0])},
+            "torch.func cannot differentiate .*vmap",
+        ),
+        (
+            {"reward_rate": lambda x: (x[:, 0] > 0).double()},
+            "the reward has no slope, .* learn with --method td",
+        ),
+        (
+            {"reward_rate": lambda x: (x[:, 0] > 0).long()},
+            "the reward has no slope, .* learn with --method td",
+        ),
+    ],
+)
+def test_a_learner_refuses_what_has_no_derivatives(changes, message):
+    problem = dataclasses.replace(run_to_the_middle(), **changes)
+    with pytest.raises(ValueError, match=f"{problem.name}: {message}"):
+        ValueGradientLearner(problem, multilayer(1, (8,)), BANG_BANG)
 
 
 # The engines ---------------------------------------------------------------------------------------------------
