@@ -160,7 +160,7 @@ def rollout_plot(trajectory: Trajectory) -> Figure:
             times, angles[:, i], color=COLORS[i % len(COLORS)], linewidth=1.3, label=rf"$\theta_{{{i + 1}}}$"
         )
     angle.set_ylabel("angle  (degrees)")
-    angle.legend(frameon=False, fontsize=9, ncols=n, loc="lower left", bbox_to_anchor=(0, 1))
+    angle.legend(frameon=False, fontsize=9, ncols=min(n, 8), loc="lower left", bbox_to_anchor=(0, 1))
 
     limits = trajectory.parameters.torque_limits
     scale = control_lanes(torque, times, trajectory.controls, limits, " N·m")

@@ -67,8 +67,9 @@ def phase_portraits(trajectory: Trajectory) -> Figure:
             axes.set_xlabel("angle  (degrees)")
     for axes in panels[:, 0]:
         axes.set_ylabel("angular velocity  (rad/s)")
+    key = _key(stroke is not None)
     figure.legend(
-        handles=[*_key(stroke is not None)], loc="outside upper center", ncols=4, frameon=False, fontsize=9
+        handles=key, loc="outside upper center", ncols=min(4, 2 * columns), frameon=False, fontsize=9
     )
     return figure
 

@@ -73,7 +73,8 @@ def film_strip(
     columns = cell * np.arange(per_row)
     starts = [float((left + columns[: len(left)]).min()) for left in lefts]
     ends = [float((right + columns[: len(right)]).max()) for right in rights]
-    content = max(per_row * cell, float(np.subtract(ends, starts).max()) + 0.5 * link)
+    edge = max(0.25 * link, 0.003 * per_row * cell)  # clear, on either side of the longest row
+    content = max(per_row * cell, float(np.subtract(ends, starts).max()) + 2 * edge)
     total = content / 0.9  # the rest is the margin that holds times and arrows
     inch = total / WIDTH  # m of the drawing to an inch of paper
     tick = 0.09 * inch
@@ -102,7 +103,7 @@ def film_strip(
         axes.text(0.12 * inch, origin, f"{times[row[0]]:.1f} s", va="center", fontsize=9, color=INK)
         _arrow(axes, margin - 0.58 * inch, origin, directions[row[0]], 0.42 * inch)
         for column, k in enumerate(row):
-            place = np.array([margin + 0.25 * link - left + columns[column], origin])
+            place = np.array([margin + edge - left + columns[column], origin])
             shift = place - centers[row[0]]
             trace = centers[row[0] : k + 1] + shift
             pose = joints[k] + shift

@@ -62,6 +62,24 @@ def waves() -> Callable[..., np.ndarray]:
     return waves
 
 
+@pytest.fixture(scope="session")
+def chain() -> Callable[[int], Trajectory]:
+    """Make 4 s of a wave of torques along a chain of so many links."""
+
+    def chain(n_links):
+        parameters, times = SwimmerParameters(n_links), 0.01 * np.arange(401)
+        swimmer = AnalyticSwimmer(parameters)
+        controls = 2 * np.sin(2 * np.pi * times[:-1, None] / 0.8 + 0.8 * np.arange(n_links - 1))
+        states = [expand(parameters, np.zeros(2 * n_links + 2))]
+        for u in controls:
+            states.append(swimmer.rk4_step(states[-1], u, 0.01))
+        return Trajectory(
+            parameters, times, np.array(states), controls, np.zeros(401), np.sin(times), np.cos(times)
+        )
+
+    return chain
+
+
 @pytest.fixture
 def check_whole(tmp_path) -> Callable[[Figure], None]:
     """Save a figure: something is drawn, and nothing touches the edges, where it would be cut off."""

@@ -144,6 +144,12 @@ def test_rollout_plot_shows_the_episode(episode, tmp_path):
     assert_png(figure, tmp_path / "rollout.png")
 
 
+def test_many_links_leave_room_for_the_panels(chain, tmp_path):
+    figure = rollout_plot(chain(16))
+    assert_png(figure, tmp_path / "rollout.png")
+    assert all(axes.get_position().width > 0.7 for axes in figure.axes)
+
+
 def test_a_torque_of_one_control_step_is_drawn(episode):
     controls = np.zeros((300, 4))
     controls[120, 2] = 5.0

@@ -87,6 +87,11 @@ def test_portraits_are_coloured_by_their_torques(swim, check_whole):
     check_whole(figure)
 
 
+@pytest.mark.parametrize("n_links", [2, 16])
+def test_portraits_of_few_and_of_many_joints_are_whole(chain, check_whole, n_links):
+    check_whole(phase_portraits(chain(n_links)))
+
+
 def test_a_joint_that_goes_round_is_not_drawn_across(swimming, check_whole):
     times = np.arange(0, 6, 0.01)
     figure = phase_portraits(swimming(np.column_stack([4.0 * times, 0.5 * np.sin(4.0 * times)])))

@@ -113,6 +113,10 @@ def test_the_file_has_the_size_declared_and_a_white_edge(tmp_path, episode):
     assert [path.name for path in tmp_path.iterdir()] == ["strip.png"]
 
 
+def test_a_long_chain_is_not_cut_off(chain, check_whole):
+    check_whole(film_strip(chain(16)))
+
+
 @pytest.mark.parametrize("suffix", ["svg", "pdf"])
 def test_vectors_are_vectors(tmp_path, episode, suffix):
     save_figure(film_strip(episode, start=0.0, stop=0.5), path := tmp_path / f"strip.{suffix}")
