@@ -20,7 +20,7 @@ def import_own(module: str, what: str) -> ModuleType:
         return importlib.import_module(module)
     except (ImportError, ValueError) as error:
         raise ValueError(f"{what}: {error}; is its folder on Python's path?") from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # a script may end the process
         said = " ".join(str(error).split())
         raise ValueError(
             f"{what}: {module} fails when it is imported: {type(error).__name__}: {said}"

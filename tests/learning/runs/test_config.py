@@ -102,6 +102,7 @@ def test_refuses_what_it_cannot_read(tmp_path, change, message):
     [
         ("def law(:", "fails when it is imported: SyntaxError: "),
         ("1 / 0", "fails when it is imported: ZeroDivisionError: division by zero"),
+        ("import sys; sys.exit(0)", "fails when it is imported: SystemExit: 0"),
         ("import nowhere_at_all", "No module named 'nowhere_at_all'; is its folder on Python's path?"),
     ],
 )
