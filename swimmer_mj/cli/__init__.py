@@ -152,10 +152,8 @@ def _run(arguments: list[str]) -> int:
         sys.path.append(os.getcwd())  # as python -m does: there is module:Problem of one's own
     with contextlib.suppress(BackendError):
         use_backend()  # else dm_control looks for a screen when it is imported, also where nothing is drawn
-    if command.func not in (
-        view,
-        doctor,
-    ):  # view may refuse before it imports anything; doctor says what is missing
+    # view may refuse before it imports anything, and has dm_control's way; doctor says what cannot be imported
+    if command.func not in (view, doctor):
         report_mujoco_warnings()
     try:
         command()
