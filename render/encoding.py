@@ -80,7 +80,9 @@ def require_video(path: str | os.PathLike[str], fps: float) -> None:
     if suffix not in _ENCODERS:
         names = f"{', '.join(VIDEO_SUFFIXES[:-1])} or {VIDEO_SUFFIXES[-1]}"
         raise ValueError(f"a video's name must end with {names}, got {os.fspath(path)!r}")
-    if not 0 < fps <= (fastest := _ENCODERS[suffix].fastest):
+    if not fps > 0:
+        raise ValueError(f"fps must be positive, got {fps!r}")
+    if fps > (fastest := _ENCODERS[suffix].fastest):
         raise ValueError(
             f"a {suffix} file can have up to {fastest:g} frames per second, got {fps:g}; take fewer, or .mp4"
         )

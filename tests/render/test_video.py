@@ -282,6 +282,12 @@ def test_a_gif_that_browsers_would_slow_down_is_refused(tmp_path):
         write_video(tmp_path / "swim.gif", [], fps=60)
 
 
+@pytest.mark.parametrize("fps", [0, -1, math.nan])
+def test_a_rate_that_is_not_positive_is_refused(tmp_path, fps):
+    with pytest.raises(ValueError, match=f"fps must be positive, got {fps}"):
+        write_video(tmp_path / "swim.mp4", [np.zeros((48, 64, 3), np.uint8)], fps=fps)
+
+
 def test_a_video_that_fails_leaves_no_file(tmp_path):
     def failing():
         yield np.zeros((48, 64, 3), np.uint8)
