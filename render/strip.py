@@ -27,7 +27,7 @@ def film_strip(
     *,
     interval: float = 0.1,
     per_row: int = 10,
-    start: float = 0.0,
+    start: float | None = None,
     stop: float | None = None,
 ) -> Figure:
     """Poses of ``trajectory``, read from left to right and from top to bottom, after figure 3.
@@ -126,12 +126,15 @@ def film_strip(
     return figure
 
 
-def _pose_indices(trajectory: Trajectory, interval: float, start: float, stop: float | None) -> list[int]:
+def _pose_indices(
+    trajectory: Trajectory, interval: float, start: float | None, stop: float | None
+) -> list[int]:
     """Return indices of the states nearest to start, start + interval and so on."""
     times = trajectory.times
+    start = float(times[0]) if start is None else start
     stop = float(times[-1]) if stop is None else stop
-    if not interval > 0:
-        raise ValueError(f"interval must be positive, got {interval!r}")
+    if not 0 < interval < math.inf:
+        raise ValueError(f"interval must be positive and finite, got {interval!r}")
     if not times[0] <= start <= stop <= times[-1] + 1e-9:
         raise ValueError(
             f"start and stop must lie in the trajectory's {times[0]:g} to {times[-1]:g} s, "

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from matplotlib.image import imread
@@ -117,6 +119,11 @@ def test_a_long_chain_is_not_cut_off(chain, check_whole):
     check_whole(film_strip(chain(16)))
 
 
+def test_an_episode_that_begins_later_is_drawn_whole(episode):
+    later = dataclasses.replace(episode, times=episode.times + 5.0)
+    assert labels(film_strip(later)) == ["5.0 s", "6.0 s", "7.0 s"]
+
+
 @pytest.mark.parametrize("suffix", ["svg", "pdf"])
 def test_vectors_are_vectors(tmp_path, episode, suffix):
     save_figure(film_strip(episode, start=0.0, stop=0.5), path := tmp_path / f"strip.{suffix}")
@@ -139,7 +146,8 @@ def test_any_number_of_links(n_links):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"interval": 0.0}, "interval must be positive, got 0.0"),
+        ({"interval": 0.0}, "interval must be positive and finite, got 0.0"),
+        ({"interval": np.inf}, "interval must be positive and finite, got inf"),
         ({"per_row": 0}, "per_row must be at least 1, got 0"),
         ({"start": -1.0}, "start and stop must lie in the trajectory's 0 to 3 s, got -1.0 and 3.0"),
         ({"stop": 3.5}, "start and stop must lie in the trajectory's 0 to 3 s, got 0.0 and 3.5"),
