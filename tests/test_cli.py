@@ -257,6 +257,17 @@ def test_a_reader_that_has_read_enough_is_no_error(arguments, buffered):
     assert (done.returncode, done.stderr) == (141, "")
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+@pytest.mark.parametrize("arguments", [["--help"], ["info", "--json"]])
+def test_a_full_or_closed_output_has_no_traceback(arguments):
+    command = [sys.executable, "-m", "swimmer_mj", *arguments]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (2, "swimmer-mj: No space left on device\n")
+    closed = ["sh", "-c", 'exec "$@" >&-', "sh", *command]
+    assert subprocess.run(closed, stderr=subprocess.PIPE).stderr == b""
+
+
 def test_a_failed_check_is_exit_status_1(monkeypatch, capsys):
     from swimmer_mj import validation
 

@@ -124,15 +124,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
     try:
         status = _run(list(sys.argv[1:] if arguments is None else arguments))
-        sys.stdout.flush()
+        _flush()
     except BrokenPipeError:  # head has read enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python writes at its end
-        return 141  # as of a program that SIGPIPE ends
+        status = 141  # as of a program that SIGPIPE ends
+    except OSError as error:
+        status = _complain(_said(error))
+    try:
+        _flush()
+    except OSError:  # Python would try once more at its end, and say so
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return status
 
 
+def _flush() -> None:
+    if sys.stdout is not None:  # as it is where it was closed
+        sys.stdout.flush()
+
+
 def _run(arguments: list[str]) -> int:
-    """Run a command; returns the exit status."""
+    """:func:`main`, but for errors of the system."""
     if arguments in (["--help"], ["-h"]):
         print(_help())
         return 0
@@ -171,10 +181,6 @@ def _run(arguments: list[str]) -> int:
         if "allocate memory" not in str(error):  # torch's way to say it
             raise
         return _complain(_NO_MEMORY)
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        return _complain(_said(error))
     except (ValueError, BackendError, MissingDmControlError) as error:
         return _complain(str(error))
     return 0
