@@ -204,8 +204,14 @@ def _of_any_problem(policy: Policy, logs: Logs, film: FilmForm | None, shot: Sho
 
         assert film is not None
         motion = film.play(policy, shot.duration)
-        rate = shot.fps * shot.slowness
-        write_video(path, model_frames(motion, width=shot.width, height=shot.height, fps=rate), shot.fps)
+        drawn = model_frames(
+            motion,
+            width=shot.width,
+            height=shot.height,
+            fps=shot.fps * shot.slowness,
+            samples=shot.samples,
+        )
+        write_video(path, drawn, shot.fps)
 
     drawings: dict[str, Drawing] = {
         "learning-curve": lambda path: save_figure(
