@@ -125,6 +125,10 @@ def _solve(inertia: Array, reciprocal: Array, q: Array) -> None:
                 q[i, k] -= inertia[j, i] * q[j, k]
 
 
+MOST_ON_STACK = 64
+"""Links whose matrices, 256 KB then, fit on any thread's stack."""
+
+
 @lru_cache(maxsize=16)
 def compile_reduced_dynamics(n: int) -> Callable[..., None]:
     """Compile a(z) and B(z) of n links.
@@ -134,23 +138,28 @@ def compile_reduced_dynamics(n: int) -> Callable[..., None]:
     function ``(constants, z, a, B) -> None``
         For use in compiled code: reads :class:`ReducedConstants` and the reduced state z (2n + 2,); fills the drift
         a (2n + 2,) and the rows of theta'' in the control matrix B (2n + 2, n - 1), the others staying as they are
-        (zero). Nothing is allocated.
+        (zero). Nothing is allocated, up to :data:`MOST_ON_STACK` links.
     """
-    square = n * n
+    square, on_stack = n * n, n <= MOST_ON_STACK
 
     @njit(**OPTIONS)
     def drift_and_control_matrix(
         constants: ReducedConstants, z: Array, a: Array, B: Array
     ) -> None:  # pragma: no cover - compiled
         C, K, drag, rotational_drag, total_mass = constants
-        c = carray(stack_buffer(square), n)
-        s = carray(stack_buffer(square), n)
-        F = carray(stack_buffer(square), n)
-        reciprocal = carray(stack_buffer(square), n)  # of the pivots
-        cosine = carray(stack_buffer(square), (n, n))
-        inertia = carray(stack_buffer(square), (n, n))
-        centrifugal = carray(stack_buffer(square), (n, n))
-        q = carray(stack_buffer(square), (n, n))  # right-hand sides, then accelerations
+        if on_stack:  # decided when it is compiled
+            c = carray(stack_buffer(square), n)
+            s = carray(stack_buffer(square), n)
+            F = carray(stack_buffer(square), n)
+            reciprocal = carray(stack_buffer(square), n)  # of the pivots
+            cosine = carray(stack_buffer(square), (n, n))
+            inertia = carray(stack_buffer(square), (n, n))
+            centrifugal = carray(stack_buffer(square), (n, n))
+            q = carray(stack_buffer(square), (n, n))  # right-hand sides, then accelerations
+        else:
+            c, s, F, reciprocal = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+            cosine, inertia, centrifugal = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
+            q = np.empty((n, n))
         _turn(K, z, c, s, cosine, inertia, centrifugal)
         force_x, force_y = _rub(C, drag, z, c, s, cosine, F)
         _push(C, rotational_drag, z, cosine, centrifugal, F, q)

@@ -1,6 +1,7 @@
 """Swimming as a control problem, its compiled form, and learning through dm_control."""
 
 import copy
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from swimmer_mj.learning.problems.swim.reduced import compile_reduced_dynamics, 
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.td.fused import FusedTD
 from swimmer_mj.learning.td.method import TemporalDifferences
-from swimmer_mj.parameters import SwimmerParameters
+from swimmer_mj.parameters import MOST_LINKS, SwimmerParameters
 
 
 def unequal(n, seed=0):
@@ -36,6 +37,19 @@ def test_compiled_form_agrees_with_the_equations_of_the_paper(n):
         assert np.abs(a - expected_a).max() < 1e-11 * np.abs(expected_a).max()
         assert np.abs(B - expected_B).max() < 1e-11 * np.abs(expected_B).max()
         assert compiled.reward(compiled.constants, x) == x[2 * n]
+
+
+def test_as_many_links_as_there_may_be_fit_into_a_thread():
+    """Their matrices, of 1,000 x 1,000 numbers, would not fit on its stack."""
+    problem = Swimming(SwimmerParameters(MOST_LINKS))
+    compiled = problem.form(CompiledForm)
+    (x,) = problem.initial_states(np.random.default_rng(0), 1)
+    a, B = np.zeros(problem.state_size), np.zeros((problem.state_size, MOST_LINKS - 1))
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(compiled.dynamics, compiled.constants, x, a, B).result()
+    expected_a, expected_B = problem.drift_and_control_matrix(x)
+    assert np.abs(a - expected_a).max() < 1e-9 * np.abs(expected_a).max()
+    assert np.abs(B - expected_B).max() < 1e-9 * np.abs(expected_B).max()
 
 
 def test_a_single_link_has_reduced_dynamics_too():
