@@ -10,6 +10,7 @@ from pathlib import Path
 
 import docs_tables
 import pytest
+from packaging.version import Version
 
 from swimmer_mj.cli import main
 from swimmer_mj.learning.runs.run import Metrics
@@ -253,6 +254,13 @@ def test_every_dependency_has_its_reason():
     for package, bounds in required:
         for bound in bounds.split(","):
             assert f"`{bound}`" in rows[package], package
+
+
+def test_the_torch_that_is_installed_beforehand_is_one_that_the_package_takes():
+    """On every Python: else pip replaces it, by a build of several GB."""
+    (bound,) = re.findall(r'`pip install "torch<([\d.]+)" --index-url', page("docs/installing.md"))
+    allowed = re.findall(r'"torch>=[\d.]+,<([\d.]+);', page("pyproject.toml"))
+    assert bound == min(allowed, key=Version)
 
 
 def test_every_package_of_the_docs_extra_has_its_reason():
