@@ -49,7 +49,9 @@ class LocalEngine:
             try:
                 return self._learn(jobs, directory, trials, report, stop)
             except RunInUseError:
-                if time.monotonic() > until or stop():
+                if stop():
+                    return
+                if time.monotonic() > until:
                     raise
             time.sleep(1.0)
 

@@ -14,6 +14,7 @@ from swimmer_mj.cli.training import changed, configured
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint
 from swimmer_mj.learning.runs.config import read_config
 from swimmer_mj.learning.runs.engines.local import LocalEngine
+from swimmer_mj.learning.runs.lock import RunInUseError, locked
 from swimmer_mj.learning.runs.run import TrainingRun
 from swimmer_mj.learning.runs.sweep import grid, random_search, rows_of, run_jobs, settings_name
 from swimmer_mj.learning.runs.together import train_together
@@ -234,6 +235,17 @@ def test_more_seeds_than_one_engine_has_are_added_to_what_is_there(file, tmp_pat
         engines.append([read_config(out / job.name).method.engine for job in jobs])
         assert [row["trials"] for row in table(out)] == [str(trials)] * len(jobs)
     assert engines == [["auto"] * 4, ["auto"] * 4 + ["population"] * 2]
+
+
+def test_who_is_stopped_while_it_waits_for_a_run_that_another_holds_just_ends(file, tmp_path):
+    """A job of SLURM's is put into the queue again then, which it is not after an error."""
+    jobs, trials = read_jobs(file)
+    TrainingRun(tmp_path / jobs[0].name, jobs[0].config)
+    asked = iter([False, True])
+    with locked(tmp_path / jobs[0].name):
+        LocalEngine(patience=60.0).run(jobs[:1], tmp_path, trials, print, lambda: next(asked))
+        with pytest.raises(RunInUseError, match="is in use by process"):
+            LocalEngine().run(jobs[:1], tmp_path, trials, print, lambda: False)
 
 
 @pytest.mark.parametrize(
