@@ -47,7 +47,8 @@ class LocalEngine:
         until = time.monotonic() + self.patience
         while True:
             try:
-                return self._learn(jobs, directory, trials, report, stop)
+                self._learn(jobs, directory, trials, report, stop)
+                return
             except RunInUseError:
                 if stop():
                     return
