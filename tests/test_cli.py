@@ -268,6 +268,12 @@ def test_a_full_or_closed_output_has_no_traceback(arguments):
     assert subprocess.run(closed, stderr=subprocess.PIPE).stderr == b""
 
 
+def test_facts_that_are_longer_than_a_line_are_whole(capsys):
+    path = "/a/path/" + "x" * 100
+    output.print_facts(output.make_console(False), {"name": path, "nested": {"fact": 0.1}})
+    assert "".join(capsys.readouterr().out.split()) == f"name{path}nested.fact0.1"
+
+
 def test_a_failed_check_is_exit_status_1(monkeypatch, capsys):
     from swimmer_mj import validation
 

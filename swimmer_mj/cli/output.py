@@ -97,6 +97,7 @@ def print_facts(console: Console, facts: Mapping[str, Any]) -> None:
 
     table = make_table(None, ("", ""))
     table.show_header, table.columns[1].justify = False, "left"
+    table.columns[1].overflow = "fold"  # a long path is not cut off
     for name, value in _flat(facts):
         table.add_row(name, Text(value))
     console.print(table)
