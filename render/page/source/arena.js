@@ -72,7 +72,7 @@ export class Arena {
     this.mujoco = mujoco;
     this.policies = policies;
     this.racers = [];
-    this.target = { angle: 0 }; // or {x, y}, a point
+    this.target = { angle: 0 }; // or {x, y}, a point; with `arrived`, each keeps a direction of its own
     this.scale = { friction: 1, torque: 1 };
     this.pulled = null; // {racer, link, along, to}: the pointer has hold of a link
     this.winner = null;
@@ -137,7 +137,7 @@ export class Arena {
       racer.forget();
     });
     this.winner = null;
-    if ("x" in this.target) this.target = { angle: this.racers[0].swimmer.target };
+    this.target = { angle: this.target.angle ?? this.racers[0].swimmer.target };
     this.aim();
     for (const { swimmer } of this.racers) swimmer.judge();
   }
@@ -167,6 +167,7 @@ export class Arena {
   /** Each swimmer's direction. */
   aim() {
     const { target } = this;
+    if (target.arrived) return;
     for (const racer of this.racers) {
       const { swimmer } = racer;
       if ("angle" in target) swimmer.target = target.angle;
@@ -179,7 +180,7 @@ export class Arena {
       }
     }
     if ("x" in target && this.racers.every((racer) => racer.arrived !== null)) {
-      this.target = { angle: this.racers[0].swimmer.target };
+      this.target = { angle: this.racers[0].swimmer.target, arrived: true };
     }
   }
 

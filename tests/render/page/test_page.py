@@ -1,6 +1,8 @@
 """The page in Chromium, offline, from file://, against MuJoCo and the policies in Python."""
 
+import base64
 import math
+from importlib.resources import files
 
 import mujoco
 import numpy as np
@@ -424,6 +426,33 @@ def test_two_race_and_the_numbers_stand_side_by_side(page):
         "There first: value gradient",
         "There first: the paper's TD(λ)",
     )
+
+
+def test_who_has_arrived_goes_on_as_it_went(page):
+    """Two that start apart come to a point from two sides. Of the page's own modules, with another MuJoCo."""
+    wasm = files("swimmer_mj.render.page").joinpath("mujoco/mujoco.wasm.gz").read_bytes()
+    before, after, later = page.driver.execute_async_script(
+        "const [wasm, done] = arguments; const scripts = document.querySelectorAll('script[type=module]');"
+        "const text = scripts[scripts.length - 1].textContent.replace(/^start\\(\\)[^]*/m, '');"
+        "const { Arena, decodeBytes, unzip } = new Function(`${text}; return { Arena, decodeBytes, unzip };`)();"
+        "unzip(decodeBytes(wasm)).then(wasmBinary => loadMujoco({ wasmBinary })).then(mujoco => {"
+        "  const { policies } = JSON.parse(document.getElementById('content').textContent);"
+        "  const arena = new Arena(mujoco, policies);"
+        "  const targets = () => arena.racers.map(({ swimmer }) => swimmer.target);"
+        "  arena.choose(['swim5-value-gradient', 'swim5-joints']);"
+        "  arena.swimTo(3, 0);"
+        "  let before = null;"
+        "  for (let k = 0; k < 3000 && 'x' in arena.target; k++) { before = targets(); arena.step(); }"
+        "  arena.step(10);"
+        "  const after = targets();"
+        "  arena.reset();"
+        "  done([before, after, targets()]);"
+        "});",
+        base64.b64encode(wasm).decode(),
+    )
+    assert abs(before[0] - before[1]) > 0.1
+    assert_allclose(after, before, rtol=0, atol=0.05)
+    assert later[0] == later[1] == after[0]
 
 
 def test_a_box_takes_a_swimmer_out_and_one_stays(page):
