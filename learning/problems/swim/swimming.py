@@ -9,9 +9,9 @@ Here the problem is stated in NumPy, by A.3 or by MuJoCo. The other files of thi
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
 
@@ -97,14 +97,24 @@ class Swimming:
         """The problem by the options of the command line."""
         return cls(SwimmerParameters(n_links=links), s_gamma, physics, coordinates=coordinates, held=held)
 
-    @cached_property
+    @property
     def dynamics(self) -> Dynamics:
-        """The equations of motion in the full state."""
+        """The equations of motion in the full state; each thread has its own, as runs of several seeds share one."""
+        own = self.__dict__.setdefault("_own", threading.local())
+        if not hasattr(own, "dynamics"):
+            own.dynamics = self._make_dynamics()
+        return own.dynamics
+
+    def _make_dynamics(self) -> Dynamics:
         if self.physics == "analytic":
             return AnalyticSwimmer(self.parameters)
         from swimmer_mj.dynamics import MujocoSwimmer
 
         return MujocoSwimmer(self.parameters)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what belongs to a thread, and is made again when it is needed."""
+        return {name: value for name, value in self.__dict__.items() if name != "_own"}
 
     @property
     def advice(self) -> Mapping[str, Any]:

@@ -1,6 +1,7 @@
 """Swimming as a control problem, its compiled form, and learning through dm_control."""
 
 import copy
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -116,6 +117,23 @@ def test_mujoco_gives_the_same_problem():
     mujoco_a, mujoco_B = Swimming(parameters, physics="mujoco").drift_and_control_matrix(x)
     assert np.abs(mujoco_a - a).max() < 1e-10 * np.abs(a).max()
     assert np.abs(mujoco_B - B).max() < 1e-10 * np.abs(B).max()
+
+
+@pytest.mark.parametrize("physics", ["analytic", "mujoco"])
+def test_several_threads_may_ask_at_once(physics):
+    """As the runs of several seeds do, which share a problem."""
+    problem = Swimming(unequal(3), physics=physics)
+    batches = [problem.initial_states(np.random.default_rng(k), 100) for k in range(4)]
+    expected = [problem.drift_and_control_matrix(x)[0] for x in batches]
+
+    def differs(k):
+        return any((problem.drift_and_control_matrix(batches[k])[0] != expected[k]).any() for _ in range(20))
+
+    with ThreadPoolExecutor(4) as pool:
+        assert not any(pool.map(differs, range(4)))
+    again = pickle.loads(pickle.dumps(problem))
+    assert again == problem
+    assert (again.drift_and_control_matrix(batches[0])[0] == expected[0]).all()
 
 
 @pytest.mark.parametrize("engine", ["fused", "torch"])
