@@ -210,11 +210,11 @@ class TDLearning:
 
     def rewards(self, states: Array, duration: float, skip: float) -> Array:
         """Mean reward of greedy episodes, on the compiled equations where there are any."""
+        dt = episode_of(self.problem).dt
         if self.fused is None:
-            dt = episode_of(self.problem).dt
             shares = episode_shares(duration, skip, dt)
             return GreedyPolicy(self.problem, self.network).episodes(states, shares, dt)
-        return self.fused.rollout(states, duration, skip).reward
+        return self.fused.rollout(states, duration, skip, dt).reward
 
     def result(self) -> dict[str, Tensor]:
         """The network's weights."""

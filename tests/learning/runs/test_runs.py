@@ -290,6 +290,20 @@ def test_both_engines_run_the_same_run(tmp_path):
     assert weights[0].abs().sum() > 0
 
 
+def test_controls_are_held_in_an_evaluation_for_as_long_as_the_problem_says():
+    @dataclasses.dataclass(frozen=True)
+    class Slow(Pendulum):
+        def form(self, kind):
+            return EpisodeForm(1.0, 0.5, 0.05) if kind is EpisodeForm else Pendulum().form(kind)
+
+    learning = TemporalDifferences(SETTINGS, neurons=4).start(Slow(), 0)
+    learning.learn(5)
+    states = Slow().initial_states(np.random.default_rng(0), 20)
+    held, hasty = (learning.fused.rollout(states, 1.0, 0.5, dt).reward for dt in (0.05, 0.01))
+    assert (learning.rewards(states, 1.0, 0.5) == held).all()
+    assert np.abs(held - hasty).max() > 1e-3
+
+
 def test_controls_that_cost_are_learned_by_the_reference_for_many_seeds_too(tmp_path):
     method = TemporalDifferences(SETTINGS, neurons=4).for_seeds(Dear(), 16)
     learning = TrainingRun(tmp_path / "run", RunConfig(Dear(), method)).learning
