@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 PANEL_SHARE = 0.24
 """Of a frame's height, what the curves of an overlay take."""
+SMALLEST = 160, 150
+"""Width and height of a frame with an overlay, pixels: less has no room for the curves."""
 LANES = 0.6
 """How far apart two swimmers start, in lengths of the longer one."""
 RIVALS = (((0.10, 0.33, 0.50), (0.42, 0.67, 0.86)), ((0.72, 0.30, 0.05), (0.96, 0.62, 0.33)))
@@ -105,8 +107,16 @@ def frames(
             raise ValueError(f"{name} must be positive, got {value!r}")
     if camera not in ("tracking", "top"):
         raise ValueError(f"camera must be 'tracking' or 'top', got {camera!r}")
-    use_backend()
+    if samples < 0:
+        raise ValueError(f"samples must not be negative, got {samples!r}")
+    if overlay and (width < SMALLEST[0] or height < SMALLEST[1]):
+        raise ValueError(
+            f"a frame with an overlay must be at least {SMALLEST[0]} x {SMALLEST[1]} pixels, got {width} x {height}"
+        )
     shown = [trajectory] if against is None else [trajectory, against]
+    if len(names) > len(shown):
+        raise ValueError(f"names must be at most {len(shown)}, as there are swimmers; got {len(names)}")
+    use_backend()
     look = _Look(width, height, camera, samples, caption, overlay, tuple(names))
     start = trajectory.times[0]
     count = max(1, round(max(one.duration for one in shown) * slow * fps))

@@ -207,6 +207,10 @@ def test_samples_smooth_edges():
     assert colours[1] > 1.2 * colours[0]
 
 
+def test_the_smallest_frame_with_an_overlay(episode):
+    assert next(frames(episode, width=160, height=150, overlay=True)).shape == (150, 160, 3)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -214,6 +218,9 @@ def test_samples_smooth_edges():
         ({"fps": -1}, "fps must be positive, got -1"),
         ({"slow": 0.0}, "slow must be positive, got 0.0"),
         ({"camera": "side"}, "camera must be 'tracking' or 'top', got 'side'"),
+        ({"samples": -1}, "samples must not be negative, got -1"),
+        ({"names": ("one", "two")}, "names must be at most 1, as there are swimmers; got 2"),
+        ({"width": 160, "height": 149, "overlay": True}, "must be at least 160 x 150 pixels, got 160 x 149"),
     ],
 )
 def test_frames_refuses_at_the_call(episode, options, message):
