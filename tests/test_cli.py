@@ -268,6 +268,30 @@ def test_a_full_or_closed_output_has_no_traceback(arguments):
     assert subprocess.run(closed, stderr=subprocess.PIPE).stderr == b""
 
 
+@pytest.mark.parametrize(
+    ("variable", "said"),
+    [
+        ("MUJOCO_GL", "invalid value for environment variable MUJOCO_GL: 7; set it to osmesa, egl, glfw or cgl, or "),
+        ("NUMBA_DISABLE_JIT", "NUMBA_DISABLE_JIT is set, and there is no other form of compiled code; unset it\n"),
+    ],
+)  # fmt: skip
+def test_variables_that_leave_nothing_to_run_are_named(variable, said):
+    command = [sys.executable, "-m", "swimmer_mj", "evaluate", "swim3-paper", "--episodes", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, variable: "7"})
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert f"{line}\n".startswith(f"swimmer-mj: {said}")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="there is always a screen")
+def test_a_backend_that_cannot_be_used_is_refused_in_one_line(tmp_path):
+    clean = {name: value for name, value in os.environ.items() if "DISPLAY" not in name}
+    command = [sys.executable, "-m", "swimmer_mj", "render", "swim3-paper", "--backend", "glfw"]
+    done = subprocess.run(command, capture_output=True, text=True, env=clean, cwd=tmp_path)
+    message = "swimmer-mj: glfw needs a screen and there is none (DISPLAY is not set); use osmesa or egl\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", message)
+
+
 def test_facts_that_are_longer_than_a_line_are_whole(capsys):
     path = "/a/path/" + "x" * 100
     output.print_facts(output.make_console(False), {"name": path, "nested": {"fact": 0.1}})

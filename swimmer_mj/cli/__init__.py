@@ -162,10 +162,10 @@ def _run(arguments: list[str]) -> int:
         sys.path.append(os.getcwd())  # as python -m does: there is module:Problem of one's own
     with contextlib.suppress(BackendError):
         use_backend()  # else dm_control looks for a screen when it is imported, also where nothing is drawn
-    # view may refuse before it imports anything, and has dm_control's way; doctor says what cannot be imported
-    if command.func not in (view, doctor):
-        report_mujoco_warnings()
     try:
+        # view may refuse before it imports anything, and has dm_control's way; doctor says what cannot be imported
+        if command.func not in (view, doctor):
+            report_mujoco_warnings()
         command()
     except CheckFailedError:
         return 1
@@ -177,10 +177,12 @@ def _run(arguments: list[str]) -> int:
         return _complain(str(error)) and 1
     except MemoryError:
         return _complain(_NO_MEMORY)
+    except (ValueError, BackendError, MissingDmControlError) as error:
+        return _complain(str(error))
     except RuntimeError as error:
+        if "variable MUJOCO_GL" in str(error):  # MuJoCo's, when it is imported
+            return _complain(f"{error}; set it to osmesa, egl, glfw or cgl, or unset it")
         if "allocate memory" not in str(error):  # torch's way to say it
             raise
         return _complain(_NO_MEMORY)
-    except (ValueError, BackendError, MissingDmControlError) as error:
-        return _complain(str(error))
     return 0

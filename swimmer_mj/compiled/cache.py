@@ -57,6 +57,10 @@ class EntryPoint(Generic[P, R]):
     """A compiled function that Python calls; compiled code cannot call it."""
 
     def __init__(self, function: Callable[P, R], options: dict[str, Any]) -> None:
+        if config.DISABLE_JIT:
+            raise ValueError(
+                "NUMBA_DISABLE_JIT is set, and there is no other form of compiled code; unset it"
+            )
         update_wrapper(self, function)
         self.dispatcher: Any = njit(**options)(function)
         self.dispatcher._cache = _DiskCache(function)
