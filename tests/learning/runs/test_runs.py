@@ -294,13 +294,13 @@ def test_controls_are_held_in_an_evaluation_for_as_long_as_the_problem_says():
     @dataclasses.dataclass(frozen=True)
     class Slow(Pendulum):
         def form(self, kind):
-            return EpisodeForm(1.0, 0.5, 0.05) if kind is EpisodeForm else Pendulum().form(kind)
+            return EpisodeForm(3.0, 1.0, 0.2) if kind is EpisodeForm else Pendulum().form(kind)
 
     learning = TemporalDifferences(SETTINGS, neurons=4).start(Slow(), 0)
-    learning.learn(5)
+    learning.learn(100)
     states = Slow().initial_states(np.random.default_rng(0), 20)
-    held, hasty = (learning.fused.rollout(states, 1.0, 0.5, dt).reward for dt in (0.05, 0.01))
-    assert (learning.rewards(states, 1.0, 0.5) == held).all()
+    held, hasty = (learning.fused.rollout(states, 3.0, 1.0, dt).reward for dt in (0.2, 0.01))
+    assert (learning.rewards(states, 3.0, 1.0) == held).all()
     assert np.abs(held - hasty).max() > 1e-3
 
 
