@@ -181,7 +181,7 @@ def _run(arguments: list[str]) -> int:
         return _complain(str(error))
     except RuntimeError as error:
         if "variable MUJOCO_GL" in str(error):  # MuJoCo's, when it is imported
-            return _complain(f"{error}; set it to osmesa, egl, glfw or cgl, or unset it")
+            return _complain(f"{error}; set it to osmesa or egl, or unset it")
         if "allocate memory" not in str(error):  # torch's way to say it
             raise
         return _complain(_NO_MEMORY)
