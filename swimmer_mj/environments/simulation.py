@@ -145,7 +145,7 @@ class Simulation(Accessors):
 
     def forward(self) -> None:
         """Compute what follows from the state."""
-        self._require_friction()
+        self.require_friction()
         mujoco.mj_forward(self.model, self.data)
         self._check()
 
@@ -157,13 +157,15 @@ class Simulation(Accessors):
         PhysicsError
             MuJoCo raised a warning.
         """
-        self._require_friction()
+        self.require_friction()
         mujoco.mj_step(self.model, self.data, count)
         self._check()
 
-    def _require_friction(self) -> None:
+    def require_friction(self) -> None:
+        """Raise RuntimeError if the friction is no longer in force."""
         if not self._friction.alive:
             raise RuntimeError("the simulation is closed and would go on without friction; make another one")
+        viscous.friction.require()
 
     def _check(self) -> None:
         numbers = self.data.warning.number

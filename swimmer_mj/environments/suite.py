@@ -80,6 +80,7 @@ class Physics(Accessors, mujoco.Physics):  # pyright: ignore[reportIncompatibleM
         dm_control disables all actuators here, those by which the friction may be exerted among them.
         """
         if self._friction is not None:
+            viscous.friction.require()
             super().after_reset()
             return
         controls = self.data.ctrl.copy()
@@ -88,6 +89,12 @@ class Physics(Accessors, mujoco.Physics):  # pyright: ignore[reportIncompatibleM
             self.forward()
         finally:
             self.data.ctrl[:] = controls
+
+    def step(self, nstep: int = 1) -> None:
+        """Simulate ``nstep`` timesteps."""
+        if self._friction is not None:
+            viscous.friction.require()
+        super().step(nstep)
 
     def render(self, *args: Any, **kwargs: Any) -> Any:
         """What dm_control draws, with the mark of the target where it is now."""

@@ -178,6 +178,7 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
         if self.autoreset_mode == AutoresetMode.DISABLED and self._over.any():
             raise ResetNeeded(f"reset environments {np.flatnonzero(self._over)}: their episodes are over")
 
+        self._physics.require_friction()
         resetting = self._over.copy()
         start_time = self._time.copy()
         self._batch.ctrl = actions

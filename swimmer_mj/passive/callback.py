@@ -108,12 +108,9 @@ class SharedCallback:
             law.holders += 1  # first: no release() in a garbage collection from here on is the last one
             current = mujoco.get_mjcb_passive()
             if self._installed is not None and current is not self._installed:
-                names = ", ".join(repr(law.name) for law in self._in_force())
+                error = self._replaced()
                 self.release(law)
-                raise RuntimeError(
-                    f"MuJoCo's passive callback was replaced while laws were in force ({names}); "
-                    "set your own callback first, and it will be called before them"
-                )
+                raise error
             if law.holders == 1:
                 self._changes += 1
                 self._settle()
@@ -127,6 +124,21 @@ class SharedCallback:
             if law.holders == 0:
                 self._changes += 1
                 self._settle()
+
+    def require(self) -> None:
+        """Raise RuntimeError if another callback has taken the place of this one while laws are in force."""
+        if mujoco.get_mjcb_passive() is self._installed:
+            return
+        with self.lock:  # for another thread may just be about to change both
+            if self._installed is not None and mujoco.get_mjcb_passive() is not self._installed:
+                raise self._replaced()
+
+    def _replaced(self) -> RuntimeError:
+        names = ", ".join(repr(law.name) for law in self._in_force())
+        return RuntimeError(
+            f"MuJoCo's passive callback was replaced while laws were in force ({names}); "
+            "set your own callback first, and it will be called before them"
+        )
 
     def _in_force(self) -> list[Holdable]:
         return sorted([law for law in self._laws if law.holders > 0], key=lambda law: law.name)

@@ -138,6 +138,10 @@ class Law:
         self.acquire()
         return weakref.finalize(owner, self.release)
 
+    def require(self) -> None:
+        """Raise RuntimeError if another callback has taken the place of the laws' since one was put in force."""
+        _shared.require()
+
     def raise_failure(self) -> None:
         """Raise LawError if the law has failed and no exception has told of it yet."""
         if (error := self._error(self._told)) is not None:

@@ -175,6 +175,24 @@ def test_friction_is_in_force_in_reset_forward_and_step():
     assert friction() > 0.1
 
 
+@pytest.mark.parametrize("friction", ["callback", "actuators"])
+@pytest.mark.parametrize("legacy_step", [True, False])
+def test_a_task_does_not_go_on_when_the_callback_was_replaced(friction, legacy_step):
+    env = load("swim3", {"random": 0, "friction": friction}, {"legacy_step": legacy_step})
+    env.reset()
+    installed = mujoco.get_mjcb_passive()
+    mujoco.set_mjcb_passive(None)
+    for use in (env.physics.reset, lambda: env.step([0, 0]), env.reset):
+        if friction == "callback":
+            with pytest.raises(RuntimeError, match="was replaced while laws were in force"):
+                use()
+        else:
+            use()
+    mujoco.set_mjcb_passive(installed)
+    env.reset()
+    env.step([0, 0])
+
+
 def test_friction_leaves_when_the_last_environment_is_freed_or_dropped():
     first, second = load("swim3"), load("swim5")
     copies = [copy.deepcopy(first), pickle.loads(pickle.dumps(second))]

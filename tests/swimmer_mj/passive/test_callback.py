@@ -230,3 +230,24 @@ def test_refuses_to_go_on_when_it_was_replaced_and_leaves_the_other_in_place():
     release()
     assert mujoco.get_mjcb_passive() is other
     mujoco.set_mjcb_passive(None)
+
+
+def test_environments_do_not_go_on_when_it_was_replaced():
+    """As by None, by a library that cleans up: they would go on without friction."""
+    gymnasium = pytest.importorskip("swimmer_mj.environments.gymnasium")
+    vector = pytest.importorskip("swimmer_mj.environments.vector")
+    env, envs = gymnasium.SwimmerEnv("swim3"), vector.SwimmerVectorEnv("swim3", 2)
+    action = np.zeros(2, np.float32)
+    uses = [env.reset, lambda: env.step(action), envs.reset, lambda: envs.step(np.stack([action] * 2))]
+    for use in uses:
+        use()
+    installed = mujoco.get_mjcb_passive()
+    mujoco.set_mjcb_passive(None)
+    for use in uses:
+        with pytest.raises(RuntimeError, match="was replaced while laws were in force"):
+            use()
+    mujoco.set_mjcb_passive(installed)
+    for use in uses:
+        use()
+    env.close()
+    envs.close()
