@@ -201,13 +201,13 @@ class TrainingRun:
 
         Which ones depends on the seed and on how many times this was done, so that the run stays reproducible.
         """
-        restores = self.restores + 1
+        restores, seconds = self.restores + 1, self.seconds
         self.forget_unfinished()
         if not isinstance(self.learning, Reseeded):
             raise TypeError(
                 f"{type(self.learning).__name__} has no reseed(), which going on after a divergence needs"
             )
-        self.restores = restores
+        self.restores, self.seconds = restores, seconds
         self.learning.reseed(int(np.random.SeedSequence([self.config.seed, restores]).generate_state(1)[0]))
 
     def evaluate(self, seconds: float) -> Metrics:
@@ -301,6 +301,8 @@ def load_policy(
 
     "best" is what acted best in an evaluation, "last" the last that was evaluated.
     """
+    if which not in ("best", "last"):
+        raise ValueError(f"which must be 'best' or 'last', got {which!r}")
     config = read_config(directory)
     path = Path(directory) / (BEST if which == "best" else CHECKPOINT)
     if not path.exists() and (Path(directory) / UNFINISHED).exists():

@@ -151,8 +151,9 @@ class Pack:
             means = self._learn(count, report)
             before, elapsed = time.perf_counter(), time.perf_counter() - before
             rate = count / elapsed
-            for run, along in means.items():
+            for run in self.runs:
                 run.seconds += elapsed
+            for run, along in means.items():
                 report(Report(run, Progress(run.trial, rate, along), None))
             stopped = not self._due() and stop()
             for run in self.runs:
@@ -164,7 +165,11 @@ class Pack:
             count = max(1, round(STRETCH_SECONDS * rate))
         rows = []
         for run in self._due():
-            rows.append(_evaluate(run, run.seconds + time.perf_counter() - before, report))
+            try:
+                rows.append(_evaluate(run, run.seconds + time.perf_counter() - before, report))
+            except FloatingPointError as error:
+                self._diverge(run, f"{run.directory}: {error}", report)
+                self._join()
         self._say_what_diverged()
         return rows
 
@@ -284,10 +289,14 @@ def train_together(
                     finished.set()
             timed_out = time.monotonic() > deadline and not (finished.is_set() or stop())
             for run in pack.runs:
-                if timed_out and run.trial > 0 and not run.history:
+                if not (timed_out and run.trial > 0 and not run.history):
+                    run.save_unfinished()  # it may be out of step with the one that was evaluated last
+                    continue
+                try:
                     _evaluate(run, run.seconds, report)
-                else:  # may be out of step with the one that was evaluated last
+                except FloatingPointError as error:
                     run.save_unfinished()
+                    diverged.append(f"{run.directory}: {error}; it was not evaluated")
         except BaseException:
             finished.set()
             raise

@@ -153,6 +153,8 @@ def test_keeps_the_best_weights(tmp_path):
     assert torch.equal(best.network.weight, weights[1])
     last, _, _ = load_policy(run.directory, "last")
     assert torch.equal(last.network.weight, weights[2])
+    with pytest.raises(ValueError, match="which must be 'best' or 'last', got 'Best'"):
+        load_policy(run.directory, "Best")
 
 
 def test_without_a_number_there_are_no_best_weights(tmp_path):
@@ -560,6 +562,45 @@ def test_a_run_that_always_diverges_stops_in_the_end(tmp_path, engine):
     assert last.endswith("it stands at trial 0, its beginning")
     assert run.trial == 0
     assert torch.isfinite(run.learning.network.weight).all()
+
+
+def fails(*_):
+    raise FloatingPointError("an episode left what can be simulated")
+
+
+def test_an_evaluation_that_fails_is_a_divergence(tmp_path):
+    runs = [TrainingRun(tmp_path / name, small(engine="population")) for name in ("run", "other")]
+    advance(runs[0])
+    runs[0].learning.rewards = fails
+    with pytest.raises(
+        FloatingPointError, match="left what can be simulated; it stands at trial 20, as last"
+    ):
+        train_together(runs, trials=40, workers=1)
+    assert [run.trial for run in runs] == [20, 40]
+    again = TrainingRun(runs[0].directory, resume=True)
+    again.learning.rewards = fails
+    train_together([again], trials=40, on_divergence="restore")  # the learner is a new one then
+    assert (again.trial, again.restores) == (40, 1)
+
+
+def test_an_evaluation_that_fails_when_the_time_is_over_leaves_no_result(tmp_path):
+    run = TrainingRun(tmp_path / "run", small(evaluate_every=10**9))
+    run.learning.rewards = fails
+    with pytest.raises(FloatingPointError, match="left what can be simulated; it was not evaluated"):
+        train_together([run], seconds=0.2)
+    assert run.history == []
+    assert TrainingRun(tmp_path / "run", resume=True).trial == run.trial > 0
+
+
+def test_seconds_go_on_after_a_divergence(tmp_path):
+    run = TrainingRun(tmp_path / "run", small())
+    advance(run)
+    run.seconds += 1000.0  # of learning what has diverged then
+    run.restart()
+    assert run.seconds > 1000.0
+    assert run.trial == 20
+    advance(run)
+    assert run.history[-1].seconds > 1000.0
 
 
 def test_value_gradients_start_again_with_other_random_numbers(tmp_path):
