@@ -19,7 +19,7 @@ from typing import Literal, NamedTuple
 
 from swimmer_mj.learning.experiments.tables import LOGS, write_table
 from swimmer_mj.learning.problems.swim import Swimming
-from swimmer_mj.learning.runs.config import RunConfig
+from swimmer_mj.learning.runs.config import CONFIG, RunConfig, read_config
 from swimmer_mj.learning.runs.run import LOG as METRICS_LOG
 from swimmer_mj.learning.runs.run import Metrics, TrainingRun
 from swimmer_mj.learning.runs.together import Report, train_together
@@ -35,6 +35,7 @@ __all__ = [
     "Swimmer",
     "collect",
     "configurations",
+    "open_run",
     "open_runs",
     "run",
     "run_angles",
@@ -90,14 +91,18 @@ def configurations(name: str, preset: str) -> dict[str, RunConfig]:
     }
 
 
+def open_run(path: Path, config: RunConfig) -> TrainingRun:
+    """The run, new or as it was left; ValueError if another one is there."""
+    if not (path / CONFIG).exists():
+        return TrainingRun(path, config)
+    if read_config(path) != config:
+        raise ValueError(f"{path} holds a run with other settings; choose another directory with --out")
+    return TrainingRun(path, resume=True)
+
+
 def open_runs(name: str, preset: str, directory: Path) -> list[TrainingRun]:
-    """The runs of a swimmer with a preset, new or as they were left."""
-    return [
-        TrainingRun(directory / path, resume=True)
-        if (directory / path / "config.json").exists()
-        else TrainingRun(directory / path, config)
-        for path, config in configurations(name, preset).items()
-    ]
+    """The runs of a swimmer with a preset: :func:`open_run`."""
+    return [open_run(directory / path, config) for path, config in configurations(name, preset).items()]
 
 
 def collect(name: str, runs: Path, log: Path) -> None:

@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from swimmer_mj.learning.experiments.long_runs import open_run
 from swimmer_mj.learning.experiments.section_3_3 import HEADER as SHORT_HEADER
 from swimmer_mj.learning.experiments.section_3_3 import noise_summary
 from swimmer_mj.learning.experiments.tables import LOGS, Path, read_table, write_table
@@ -46,10 +47,8 @@ Row = tuple[str | float, ...]
 def _open(directory: Path, n: int, eta: float, seed: int, every: int) -> TrainingRun:
     """The run below ``directory``, new or as it was left."""
     path = directory / "runs" / f"{n}-neurons" / f"eta-{eta:g}" / f"seed-{seed}"
-    if (path / "config.json").exists():
-        return TrainingRun(path, resume=True)
     method = TemporalDifferences(TDSettings(eta=eta), n, engine="population")
-    return TrainingRun(path, RunConfig(Swimming(), method, seed, every))
+    return open_run(path, RunConfig(Swimming(), method, seed, every))
 
 
 def measure(runs: Sequence[TrainingRun], trials: int = METERED, beta: float = BETA) -> list[Row]:

@@ -1,6 +1,7 @@
 """The study behind figure 2, made small."""
 
 import numpy as np
+import pytest
 
 from swimmer_mj.learning.experiments import long_runs
 from swimmer_mj.learning.experiments.long_runs import Swimmer
@@ -40,3 +41,12 @@ def test_each_preset_has_its_trials_and_an_interruption_changes_nothing(tmp_path
     pieces, news = run_small(monkeypatch, tmp_path / "pieces", {"paper": 4, "tuned": 2})
     assert len(news) == 2
     assert without_times(pieces) == without_times(whole)
+
+
+def test_runs_with_other_settings_are_not_gone_on_with(tmp_path, monkeypatch):
+    """They would stand in the log as what they are not."""
+    before, _ = run_small(monkeypatch, tmp_path, {"paper": 2, "tuned": 2})
+    monkeypatch.setitem(long_runs.ETAS, "tuned", 0.5)
+    with pytest.raises(ValueError, match=r"swim3-tuned.seed-0 holds a run with other settings; choose"):
+        run_small(monkeypatch, tmp_path, {"paper": 4, "tuned": 4})
+    assert without_times(read_table(tmp_path / "swim3.csv")) == without_times(before)
