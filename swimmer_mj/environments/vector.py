@@ -222,8 +222,8 @@ class SwimmerVectorEnv(VectorEnv[Array, Action, NDArray[Any]]):
             frames.append(self._single.render())
         return tuple(frames)
 
-    def close_extras(self) -> None:
-        """Free the simulations and their threads, and release the viscous friction."""
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free the simulations and their threads, and release the viscous friction; arguments are ignored."""
         for batch_or_view in ("_batch", "_qpos", "_qvel", "_time"):  # the last reference frees it
             vars(self).pop(batch_or_view, None)
         if (single := vars(self).get("_single")) is not None:  # not if an argument was refused

@@ -264,6 +264,15 @@ def test_a_step_before_the_first_reset_is_refused():
     env.close()
 
 
+@pytest.mark.parametrize("mode", ["sync", "vector_entry_point"])
+def test_a_vector_closes_with_the_arguments_that_others_take(make, mode):
+    envs = make(SWIM5, 2, vectorization_mode=mode)
+    envs.reset()
+    envs.close(timeout=1, terminate=True)
+    with pytest.raises(RuntimeError if mode == "sync" else ClosedEnvironmentError):
+        envs.reset()
+
+
 def test_a_closed_environment_does_not_go_on_without_friction():
     env = swimmer_mj.gymnasium.SwimmerEnv("swim5", render_mode="rgb_array")
     env.reset(seed=0)
