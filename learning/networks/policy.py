@@ -85,15 +85,12 @@ class GreedyPolicy(Generic[Network]):
             raise ValueError(
                 f"x must have shape (..., {problem.state_size}) for {problem.name!r}, got {np.shape(x)}"
             )
-        dtype = next(self.network.parameters()).dtype
-        state = torch.tensor(x, dtype=dtype, requires_grad=True)
-        V = self.network(problem.inputs(state))
-        (slope,) = torch.autograd.grad(V.sum(), state)
+        V, slope = self._value_and_slope(x)
         dVdx = slope.double().numpy()
         a, B = problem.drift_and_control_matrix(x)
         u, r = decision(problem, x, dVdx, B, self.slope)
         f = a + np.einsum("...pq,...q->...p", B, u)
-        value = V.detach().double().numpy()
+        value = V.double().numpy()
         return Judgement(u, value, hamiltonian(r, value, dVdx, f, problem.s_gamma))
 
     def slope(self, actor: Actor | None = None) -> Slope:
@@ -103,11 +100,16 @@ class GreedyPolicy(Generic[Network]):
 
     def _slope_at(self, x: Array) -> Array:
         """dV/dx (p, N) at x (p, N)."""
+        return self._value_and_slope(x.T)[1].double().numpy().T
+
+    def _value_and_slope(self, x: Array) -> tuple[Tensor, Tensor]:
+        """V (...) and dV/dx (..., p) at x (..., p), also for a caller who has turned gradients off."""
         dtype = next(self.network.parameters()).dtype
-        with torch.enable_grad():
-            state = torch.tensor(x.T, dtype=dtype, requires_grad=True)
-            (slope,) = torch.autograd.grad(self.network(self.problem.inputs(state)).sum(), state)
-        return slope.double().numpy().T
+        with torch.inference_mode(False), torch.enable_grad():
+            state = torch.tensor(x, dtype=dtype, requires_grad=True)
+            V = self.network(self.problem.inputs(state))
+            (slope,) = torch.autograd.grad(V.sum(), state)
+            return V.detach(), slope
 
     def __call__(self, x: Array) -> Array:
         """u, shape (..., q), at ``x``, shape (..., p)."""

@@ -1,9 +1,13 @@
 import math
 
+import numpy as np
 import pytest
 import torch
 
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer
+from swimmer_mj.learning.networks.policy import GreedyPolicy
+from swimmer_mj.learning.problems.pendulum import Pendulum
+from swimmer_mj.learning.problems.swim import Swimming
 
 
 def make(network=Cascade, seed=0, **kwargs):
@@ -106,3 +110,18 @@ def test_cascade_refuses(arguments, message):
 def test_multilayer_refuses():
     with pytest.raises(ValueError, match="width must be at least 1, got 0"):
         Multilayer(3, (5, 0))
+
+
+@pytest.mark.parametrize("without", [torch.no_grad, torch.inference_mode])
+@pytest.mark.parametrize(
+    "problem", [Pendulum(), Swimming(coordinates="joints", held=True)], ids=lambda problem: problem.name
+)
+def test_a_policy_acts_where_gradients_are_turned_off(problem, without):
+    network = Cascade(problem.n_inputs, 4, generator=torch.Generator().manual_seed(0))
+    torch.nn.init.constant_(network.weight[-1], 0.3)
+    policy, x = GreedyPolicy(problem, network), problem.initial_states(np.random.default_rng(0), 5)
+    expected = policy.judge(x)
+    with without():
+        found = policy.judge(x)
+    for one, other in zip(found, expected, strict=True):
+        assert (one == other).all()
