@@ -18,7 +18,7 @@ from torch import Tensor
 from swimmer_mj.learning.method import Along
 from swimmer_mj.learning.networks.networks import Cascade, DType, Sigmoid
 from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.problems.forms import Learner, TrialsForm, episode_of
+from swimmer_mj.learning.problems.forms import Learner, Moment, TrialsForm, episode_of
 from swimmer_mj.learning.problems.problem import (
     ControlProblem,
     episode_shares,
@@ -156,6 +156,8 @@ class TDLearning:
             require_euler(problem)
         self.fused = FusedTD(problem, self.network, settings) if compiled else None
         self.torch = ContinuousTD(problem, self.network, settings) if engine == "torch" else None
+        if self.environment is not None:  # which says now what it cannot step
+            self._learn_in(self.environment, np.empty((0, problem.state_size)))
 
     def learn(self, trials: int) -> Along:
         """``trials`` trials from random states."""
@@ -175,17 +177,21 @@ class TDLearning:
             assert self.fused is not None  # engine "fused" or "population"
             statistics = self.fused.train(states)
             return statistics.value, statistics.squared_hamiltonian
-        settings = self.method.settings
         if self.environment is not None:
-            learner: Learner | None = self.fused if self.torch is None else self.torch
-            assert learner is not None
-            moments = self.environment.learn(learner, states, settings.trial_duration, settings.dt)
+            moments = self._learn_in(self.environment, states)
         else:
             assert self.torch is not None
             moments = [moment for x in states for moment in self.torch.run_trial(x)]
         values = np.array([moment.value for moment in moments]).reshape(len(states), -1)
         hamiltonians = np.array([moment.hamiltonian for moment in moments]).reshape(len(states), -1)
         return values.mean(axis=1), (hamiltonians**2).mean(axis=1)
+
+    def _learn_in(self, environment: TrialsForm, states: Array) -> Sequence[Moment]:
+        """A trial from each of ``states``."""
+        learner: Learner | None = self.fused if self.torch is None else self.torch
+        assert learner is not None
+        settings = self.method.settings
+        return environment.learn(learner, states, settings.trial_duration, settings.dt)
 
     def require_finite(self, states: Array, value: Array) -> None:
         """Raise FloatingPointError if learning diverged in the last trials; where they began, and mean V of each."""

@@ -744,6 +744,11 @@ IN_MUJOCO = Swimming(physics="mujoco")
             "engine 'population' cannot learn 'pendulum', which has controls that cost; use engine 'torch'",
         ),
         (
+            IN_MUJOCO,
+            TemporalDifferences(TDSettings(dt=0.005)),
+            "in MuJoCo a control is held for a multiple of 0.01 s, not for 0.005 s",
+        ),
+        (
             Swimming(integrator="rk4"),
             TemporalDifferences(engine="fused"),
             "by Euler's method, got integrator 'rk4'",
