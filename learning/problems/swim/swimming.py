@@ -65,7 +65,7 @@ class Swimming:
     """"euler" steps the reduced variables (section 4); "rk4" steps the full state, as MuJoCo's RK4 does."""
     encoding: Literal["circle", "angle", "unwrapped"] = "circle"
     """Inputs for each angle: its cosine and sine (chosen), or the angle itself in [-pi, pi], or as it is after however
-    many turns."""
+    many turns. An environment observes angles within a turn: an "unwrapped" policy is shown those there."""
     initial_law: InitialLaw = "moderate"
     """See :func:`swimmer_mj.initial_states.random_initial_state`."""
     coordinates: Literal["links", "joints"] = "links"
