@@ -118,7 +118,7 @@ def _mean(values: Array) -> str:
 def soonest(
     everyone: Mapping[str, Sequence[Looks]], speed: float, quantity: str
 ) -> tuple[str, Reached] | None:
-    """The peer that reaches a speed by the least of a quantity, if any does; one whose median is known, if any is."""
+    """The peer that reaches a speed by the least of a quantity, if any does: by the least that its median can be."""
     there = {
         name: what
         for name, learners in everyone.items()
@@ -126,7 +126,7 @@ def soonest(
     }
     if not there:
         return None
-    name = min(there, key=lambda name: (not there[name].known, there[name].median))
+    name = min(there, key=lambda name: (there[name].median, not there[name].known))
     return name, there[name]
 
 
