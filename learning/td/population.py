@@ -77,9 +77,8 @@ class PopulationTD:
         self._limits = np.asarray(problem.control_limits, dtype=np.float64)
         n, m, p, q = network.n_neurons, network.n_inputs, problem.state_size, len(self._limits)
         dtype = network.weight.detach().numpy().dtype
-        self._connected = np.tri(
-            n, m + n, m, dtype=np.bool_
-        )  # as of a whole cascade: what is not there has rate 0
+        # As of a whole cascade: what is not there has rate 0.
+        self._connected = np.tri(n, m + n, m, dtype=np.bool_)
         self._rate_each = any(learner.rate_each for learner in learners)
         self._form = kernel.form_of(compiled, m, dtype, self._rate_each, network.sigmoid == "logistic")
         self._ws = kernel.workspace(int(self._connected.sum()), n, m, p, q, dtype, self._rate_each)

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from filelock import FileLock
 
 from swimmer_mj.cli import main
 from swimmer_mj.cli.sweep import read_jobs
@@ -48,7 +49,14 @@ def file(tmp_path):
 
 
 @pytest.fixture
-def cluster():
+def alone(tmp_path_factory):
+    """Hold Ray's place on this machine: a sweep without an address joins whatever cluster runs here."""
+    with FileLock(tmp_path_factory.getbasetemp().parent / "ray.lock"):
+        yield
+
+
+@pytest.fixture
+def cluster(alone):
     """A head that runs nothing, and two nodes of a core each; all of them end with the test."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Ray's own
@@ -217,8 +225,9 @@ def test_where_no_cluster_is_it_says_so_at_once(file, tmp_path, capsys):
 
 
 @needs_ray
+@pytest.mark.usefixtures("alone")
 def test_an_empty_address_is_none(file, tmp_path):
-    """Then there is a new instance, which ends with the sweep, unless one runs here."""
+    """Then there is a new instance, which ends with the sweep."""
     file.write_text(FILE.replace("12_000", "20").replace("500", "10").partition("[grid]")[0])
     command = [
         sys.executable,
