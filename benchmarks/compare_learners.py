@@ -40,6 +40,7 @@ NAMES = {
     "td3": "TD3",
     "ours": "value gradients, compiled",
     "ours-torch": "value gradients, torch",
+    "ours-thrifty": "value gradients, thrifty",
     "shac": "SHAC",
     "apg": "APG",
     "cfvi": "cFVI",

@@ -10,8 +10,8 @@ Stable-Baselines3 (extra ``peers``) on MuJoCo. The clock is the processor time o
 same for all, as is the number of settings that are tried. The first setting is the best known, the others are drawn
 around it; the one that swims fastest in the last window, the second half of its time, goes into the final. A look of
 the final is 40 % later than the one before, one of the start 20 %: the same seeds learn the same there.
-``ours-torch`` is value gradients without compiled code, by the same settings. ``tournament_results.py`` draws what came
-of it.
+``ours-torch`` is value gradients without compiled code, by the same settings, and ``ours-thrifty`` simulates less and
+learns more from it: that was chosen after the final, on other seeds. ``tournament_results.py`` draws what came of it.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ COLUMNS = (
     "simulation_steps", "gradient_evaluations", "speed", "steady_speed",
 )  # fmt: skip
 Stage = Literal["tune", "start", "final"]
-Name = Literal["ours", "ours-torch", "shac", "apg", "cfvi", "ppo", "sac", "td3"]
+Name = Literal["ours", "ours-torch", "ours-thrifty", "shac", "apg", "cfvi", "ppo", "sac", "td3"]
 TUNING_SEED = 1000
 """Seeds from here on are for tuning alone."""
 FINAL_SEEDS = tuple(range(300, 310))
@@ -123,6 +123,7 @@ OURS = Peer(
 PEERS: dict[Name, Peer] = {
     "ours": OURS,
     "ours-torch": OURS,
+    "ours-thrifty": OURS,
     "shac": Peer(
         Shac,
         ShacSettings,
@@ -165,6 +166,12 @@ PEERS: dict[Name, Peer] = {
     "td3": Peer(td3, Td3Settings, OFF_POLICY | {"noise": [0.05, 0.1, 0.2, 0.3]}),
 }  # fmt: skip
 
+LIKE_OURS: Mapping[Name, Mapping[str, Any]] = {
+    "ours-torch": {"engine": "torch"},
+    "ours-thrifty": {"trajectories": 64, "passes": 2, "half_life": 4000.0},
+}
+"""Those that are not tuned themselves, but learn by the settings of value gradients except for these."""
+
 
 def tried(name: Name, samples: int) -> list[dict[str, Any]]:
     """The settings of the tuning: none, which is the best known, then draws."""
@@ -200,9 +207,9 @@ def tuned(rows: Sequence[Mapping[str, str]], name: Name) -> dict[int, tuple[floa
 
 def best(rows: Sequence[Mapping[str, str]], name: Name) -> tuple[int, dict[str, Any]]:
     """The sample that swam fastest in the tuning, and its settings."""
-    if name == "ours-torch":
+    if name in LIKE_OURS:
         sample, settings = best(rows, "ours")
-        return sample, settings | {"engine": "torch"}
+        return sample, settings | LIKE_OURS[name]
     samples = tuned(rows, name)
     if not samples:
         raise SystemExit(f"{name} has not been tuned: run tournament.py tune first")
@@ -265,7 +272,7 @@ def main(
         for name in algorithms:
             rows = read(out)
             if stage == "tune":
-                if name == "ours-torch":
+                if name in LIKE_OURS:
                     continue
                 sample, chosen, seed = number, tried(name, samples)[number], TUNING_SEED + number
             else:

@@ -10,8 +10,9 @@ window, the second half of its time.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import tyro
@@ -21,11 +22,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter, MultipleLocator
 from numpy.typing import NDArray
-from tournament import OUT, PEERS, WINDOW, read, tuned
+from tournament import OUT, PEERS, WINDOW, Name, read, tuned
 
 from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments.summaries import Summary
-from swimmer_mj.render.figures import COLORS, plain_axes, save_figure
+from swimmer_mj.render.figures import BLUE, COLORS, plain_axes, save_figure
 
 PLOT = Path(__file__).parents[1] / "docs" / "images" / "tournament.png"
 SPEEDS = (1.0, 1.5, 2.0, 2.4)  # m/s
@@ -35,7 +36,7 @@ AXES = {
     "gradient_evaluations": "gradients of steps",
 }
 STYLES = ("-", "--", "-.", ":")
-OURS = ("ours", "ours-torch")
+OURS = ("ours", "ours-torch", "ours-thrifty")
 Array = NDArray[np.float64]
 
 
@@ -137,21 +138,21 @@ def ratio_text(ours: Reached, other: Reached) -> str:
     return f"{'' if other.known else 'at most '}{ours.median / other.median:.2f}"
 
 
-def against_the_fastest(out: Path = OUT) -> Summary:
-    """Ours beside the peer that reaches each speed soonest: medians of time and of steps, and their ratio."""
+def against_the_fastest(out: Path = OUT, mine: Name = "ours") -> Summary:
+    """One of ours beside the peer that reaches each speed soonest: medians of time and of steps, and their ratio."""
     everyone, rows = finalists(out), []
     for speed in SPEEDS:
         for quantity, unit in (("cpu_seconds", "s"), ("simulation_steps", "steps")):
-            ours = reached(everyone["ours"], speed, quantity)
+            ours = reached(everyone[mine], speed, quantity)
             found = soonest(everyone, speed, quantity)
             if found is None:
                 rows.append((f"{speed} m/s", unit, median_words(ours, unit), "no peer got there", ""))
                 continue
             name, other = found
             label = f"{NAMES[name]}: {median_words(other, unit)}, {other.got_there}"
-            mine = f"{median_words(ours, unit)}, {ours.got_there}"
-            rows.append((f"{speed} m/s", unit, mine, label, ratio_text(ours, other)))
-    return Summary("", ("speed", "in", "value gradients, compiled", "the soonest peer", "ours to it"), rows)
+            words = f"{median_words(ours, unit)}, {ours.got_there}"
+            rows.append((f"{speed} m/s", unit, words, label, ratio_text(ours, other)))
+    return Summary("", ("speed", "in", NAMES[mine], "the soonest peer", "ours to it"), rows)
 
 
 def headline(out: Path = OUT) -> str:
@@ -182,16 +183,23 @@ def _speeds(axes: Axes, learners: Sequence[Looks], quantity: str, **style: objec
     )
 
 
+def _styles() -> dict[str, dict[str, Any]]:
+    """Ours in one colour, the others each in its own; neighbours differ in their dashes too."""
+    others = [name for name in PEERS if name not in OURS]
+    colors = dict.fromkeys(OURS, BLUE) | dict(zip(others, (c for c in COLORS if c != BLUE), strict=False))
+    return {
+        name: {"color": colors[name], "linestyle": style, "linewidth": 1.6}
+        for name, style in zip(PEERS, cycle(STYLES), strict=False)
+    }
+
+
 def draw(everyone: Mapping[str, Sequence[Looks]]) -> Figure:
     """Speeds, and the share of seeds that are there, against time, simulation and gradients."""
     fastest = max(one.speed.max() for learners in everyone.values() for one in learners)
     speeds = [speed for speed in SPEEDS if speed <= fastest]
     figure = Figure(figsize=(9.6, 3.6 + 1.5 * len(speeds)), layout="constrained")
     grid = figure.subplots(1 + len(speeds), len(AXES), sharex="col", height_ratios=[2, *([1] * len(speeds))])
-    styles = {
-        name: {"color": color, "linestyle": STYLES[i % len(STYLES)], "linewidth": 1.6}
-        for i, (name, color) in enumerate(zip(PEERS, COLORS, strict=True))
-    }
+    styles = _styles()
     for column, quantity in zip(grid.T, AXES, strict=True):
         for axes in column:
             plain_axes(axes)

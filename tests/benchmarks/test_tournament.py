@@ -195,6 +195,15 @@ def test_the_mean_of_the_last_window_decides():
     assert tournament.best([*once, *last], "apg") == (1, {"rate": 1})
 
 
+def test_the_thrifty_one_has_our_settings_but_for_what_it_changes():
+    rows = [*looks_at("ours", 0, [1.0] * 8), *looks_at("ours", 1, [2.0] * 8)]
+    sample, settings = tournament.best(rows, "ours-thrifty")
+    assert (sample, settings["rate"]) == (1, 1)
+    learner = Ours(Swimming(), OursSettings(**settings), 0).learner
+    assert learner.settings.steps_per_round == 64 * OursSettings().steps
+    assert learner.settings.passes == 2
+
+
 def test_a_log_is_gone_on_with_and_the_fastest_goes_into_the_final(tmp_path, monkeypatch):
     out = tmp_path / "log.csv"
     for stage in ("tune", "start", "final"):
@@ -293,6 +302,17 @@ def test_of_peers_the_one_that_may_be_soonest_counts(log):
     ):
         append(log, looks_at(name, 0, looks, "final", "0", "4"))
         assert tournament_results.against_the_fastest(log).rows[0][3] == soonest
+
+
+def test_any_of_ours_can_be_held_beside_the_soonest_peer(log):
+    append(log, looks_at("ours-thrifty", 0, [0.5, 2.1, 2.1], "final", "0", "4"))
+    summary = tournament_results.against_the_fastest(log, "ours-thrifty")
+    assert summary.header[2] == "value gradients, thrifty"
+    assert summary.rows[0][2:] == (
+        "median 2 s, 1 of 1",
+        "SHAC: median > 3.5 s, 1 of 2",
+        "at most 0.57",
+    )
 
 
 def test_the_share_that_is_there(log):
