@@ -77,7 +77,7 @@ def learn(friction: Friction, seed: int, seconds: float, console: Console) -> li
     problem = swimmer(friction)
     generator = torch.Generator().manual_seed(seed)
     network = Multilayer(problem.n_inputs, (64, 64), generator=generator, dtype=torch.float32)
-    settings = ValueGradientSettings(trajectories=256, minibatch=256)
+    settings = ValueGradientSettings(trajectories=64, minibatch=256, passes=4, huber=1.0)
     learner = ValueGradientLearner(problem, network, settings, seed=seed)
     learner.step()  # compiles
     rows: list[Row] = []
