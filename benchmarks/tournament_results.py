@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter, MultipleLocator
 from numpy.typing import NDArray
-from tournament import OUT, PEERS, WINDOW, Name, read, tuned
+from tournament import LIKE_OURS, OUT, PEERS, WINDOW, Name, read, tuned
 
 from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments.summaries import Summary
@@ -36,7 +36,7 @@ AXES = {
     "gradient_evaluations": "gradients of steps",
 }
 STYLES = ("-", "--", "-.", ":")
-OURS = ("ours", "ours-torch", "ours-thrifty")
+OURS = ("ours", *LIKE_OURS)
 Array = NDArray[np.float64]
 
 
