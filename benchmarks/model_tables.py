@@ -36,11 +36,12 @@ def _rows(name: str) -> list[dict[str, str]]:
 
 
 def published() -> dict[str, list[tuple[str, float]]]:
-    """Returns that others have published, by task: (learner, mean return), the best first."""
-    found: dict[str, list[tuple[str, float]]] = {}
+    """The best return of each learner that others have published, by task: (learner, mean return), the best first."""
+    found: dict[str, dict[str, float]] = {}
     for row in _rows("published-returns.csv"):
-        found.setdefault(row["task"], []).append((row["learner"], float(row["return"])))
-    return {task: sorted(rows, key=lambda row: -row[1]) for task, rows in found.items()}
+        known = found.setdefault(row["task"], {})
+        known[row["learner"]] = max(float(row["return"]), known.get(row["learner"], -np.inf))
+    return {task: sorted(of.items(), key=lambda one: -one[1]) for task, of in found.items()}
 
 
 def _kept(name: str) -> tuple[dict[str, list[float]], dict[str, float]]:

@@ -35,6 +35,12 @@ AXES = {
     "simulation_steps": "simulation steps of 0.01 s",
     "gradient_evaluations": "gradients of steps",
 }
+GOALS = {
+    "cpu_seconds": ("s", 1 / 3),
+    "simulation_steps": ("steps", 1 / 2),
+    "gradient_evaluations": ("gradients", None),
+}
+"""Units, and what share of the soonest peer's was the goal."""
 STYLES = ("-", "--", "-.", ":")
 OURS = ("ours", *LIKE_OURS)
 Array = NDArray[np.float64]
@@ -57,8 +63,21 @@ class Looks(NamedTuple):
         return float(of[self.cpu_seconds >= WINDOW * self.given].mean())
 
 
+def at_the_pace_of(start: Sequence[Array], final: Sequence[Array]) -> list[Array]:
+    """Looks at the start, their processor time as if learned as fast as in the final, where the core was another.
+
+    The same seed learns the same in both, so that steps tell which moments are the same. As far as the final's first
+    look time goes in proportion to steps, after it between the looks.
+    """
+    seconds, steps = ([0.0, *(look[i] for look in final)] for i in (0, 1))
+    return [np.array([np.interp(look[1], steps, seconds), *look[1:]]) for look in start]
+
+
 def finalists(out: Path = OUT) -> dict[str, list[Looks]]:
-    """The looks of the final, by learner, seed by seed; those of its start, where there are, in place of its first."""
+    """The looks of the final, by learner, seed by seed; those of its start, where there are, in place of its first.
+
+    All times are the final's: :func:`at_the_pace_of`.
+    """
     looks: dict[str, dict[tuple[str, str], list[Array]]] = {}
     for row in read(out):
         look = np.array([float(row[name] or "nan") for name in Looks._fields])
@@ -66,8 +85,8 @@ def finalists(out: Path = OUT) -> dict[str, list[Looks]]:
     final, starts = looks.get("final", {}), looks.get("start", {})
     learners: dict[str, list[Looks]] = {}
     for (name, seed), rows in final.items():
-        start = starts.get((name, seed), [])
-        further = [look for look in rows if not start or (look[:2] > start[-1][:2]).all()]
+        start = at_the_pace_of(starts.get((name, seed), []), rows)
+        further = [look for look in rows if not start or look[1] > start[-1][1]]
         columns = np.array([*start, *further]).T
         learners.setdefault(name, []).append(Looks(*columns[:-1], given=rows[0][-1]))
     return {name: learners[name] for name in PEERS if name in learners}
@@ -104,16 +123,19 @@ def finals(out: Path = OUT) -> Summary:
             np.array([one.last(getattr(one, of)) for one in learners]) for of in ("speed", "steady_speed")
         )
         given = f"{min(one.given for one in learners):.0f}"
-        rows.append((NAMES[name], str(len(learners)), given, *times, *map(_mean, lasts)))
-    head = ("learner", "seeds", "s for each", *(f"s to {speed} m/s" for speed in SPEEDS), "last window, m/s",
-            "steady, m/s")  # fmt: skip
+        rows.append((NAMES[name], str(len(learners)), given, *times, *map(_middle, lasts)))
+    head = ("learner", "seeds", "s for each", *(f"s to {speed} m/s" for speed in SPEEDS),
+            "last window, m/s: median; mean", "steady, m/s: median; mean")  # fmt: skip
     return Summary("", head, rows)
 
 
-def _mean(values: Array) -> str:
+def _middle(values: Array) -> str:
+    """Median and mean; of a few seeds, each."""
     if np.isnan(values).any():
         return "-"
-    return mean_and_interval_text(values) if len(values) >= 5 else ", ".join(map("{:.2f}".format, values))
+    if len(values) < 5:
+        return ", ".join(map("{:.2f}".format, values))
+    return f"{np.median(values):.2f}; {mean_and_interval_text(values)}"
 
 
 def soonest(
@@ -123,7 +145,9 @@ def soonest(
     there = {
         name: what
         for name, learners in everyone.items()
-        if name not in OURS and np.isfinite((what := reached(learners, speed, quantity)).spent).any()
+        if name not in OURS
+        and all(getattr(one, quantity)[-1] > 0 for one in learners)
+        and np.isfinite((what := reached(learners, speed, quantity)).spent).any()
     }
     if not there:
         return None
@@ -138,21 +162,29 @@ def ratio_text(ours: Reached, other: Reached) -> str:
     return f"{'' if other.known else 'at most '}{ours.median / other.median:.2f}"
 
 
+def goal_text(ours: Reached, other: Reached, goal: float | None) -> str:
+    """Whether the ratio of the medians is known to be no more than the goal, if there is one."""
+    if goal is None:
+        return ""
+    return f"1/{1 / goal:.0f}: {'met' if ours.known and ours.median <= goal * other.median else 'missed'}"
+
+
 def against_the_fastest(out: Path = OUT, mine: Name = "ours") -> Summary:
-    """One of ours beside the peer that reaches each speed soonest: medians of time and of steps, and their ratio."""
+    """One of ours beside the peer that reaches each speed by the least of each quantity: medians, and their ratio."""
     everyone, rows = finalists(out), []
     for speed in SPEEDS:
-        for quantity, unit in (("cpu_seconds", "s"), ("simulation_steps", "steps")):
+        for quantity, (unit, goal) in GOALS.items():
             ours = reached(everyone[mine], speed, quantity)
             found = soonest(everyone, speed, quantity)
             if found is None:
-                rows.append((f"{speed} m/s", unit, median_words(ours, unit), "no peer got there", ""))
+                rows.append((f"{speed} m/s", unit, median_words(ours, unit), "no peer got there", "", ""))
                 continue
             name, other = found
             label = f"{NAMES[name]}: {median_words(other, unit)}, {other.got_there}"
             words = f"{median_words(ours, unit)}, {ours.got_there}"
-            rows.append((f"{speed} m/s", unit, words, label, ratio_text(ours, other)))
-    return Summary("", ("speed", "in", NAMES[mine], "the soonest peer", "ours to it"), rows)
+            ends = ratio_text(ours, other), goal_text(ours, other, goal)
+            rows.append((f"{speed} m/s", unit, words, label, *ends))
+    return Summary("", ("speed", "in", NAMES[mine], "the soonest peer", "ours to it", "goal"), rows)
 
 
 def headline(out: Path = OUT) -> str:

@@ -32,3 +32,10 @@ def test_a_models_distance_stands_beside_its_share(monkeypatch, tmp_path):
 def test_a_few_seeds_are_each_said():
     assert model_tables.mean_words(np.array([310.0, 290.0]), ".0f") == "310, 290"
     assert model_tables.mean_words(np.full(5, 300.0), ".0f") == "300 [300, 300]"
+
+
+def test_of_each_learner_the_best_published_return_counts(tmp_path, monkeypatch):
+    rows = ["task,learner,return", "a,PPO,3", "a,SAC,7", "a,PPO,9", "b,PPO,-2", "b,PPO,-1"]
+    (tmp_path / "published-returns.csv").write_text("\n".join(rows))
+    monkeypatch.setattr(model_tables, "RESULTS", tmp_path)
+    assert model_tables.published() == {"a": [("PPO", 9.0), ("SAC", 7.0)], "b": [("PPO", -1.0)]}
