@@ -181,6 +181,14 @@ def solid_links() -> Summary:
     return Summary("", head, table)
 
 
+def _of_the_gait(rows: Sequence[Mapping[str, str]], name: str, speed: float) -> str:
+    """Speeds against a pull over that of the gait which swims against it, %; nothing in rows of before."""
+    if not all(row[name] for row in rows):
+        return "-"
+    shares = 100 * np.array([float(row[name]) for row in rows]) / speed
+    return f"{mean_and_interval_text(shares, '.0f')}; {shares.min():.0f}"
+
+
 def several_seeds() -> Summary:
     """Four learners of which the faster go on, ten times."""
     rows = _rows("several-seeds.csv")
@@ -188,6 +196,12 @@ def several_seeds() -> Summary:
     for links in sorted({row["links"] for row in rows}):
         times = [row for row in rows if row["links"] == links]
         steady = np.array([float(row["steady_speed"]) for row in times])
+        shares = (
+            _of_the_gait(times, name, speed) for name, speed in (("against_2", 2.0), ("against_3", 3.0))
+        )
+        folded = (
+            sum(float(row["folded"]) > 0.5 for row in times) if all(row["folded"] for row in times) else "-"
+        )
         found.append(
             (
                 links,
@@ -197,6 +211,8 @@ def several_seeds() -> Summary:
                 f"{steady.min():.2f}",
                 f"{np.count_nonzero(steady >= 2.6)}",
                 f"{np.count_nonzero(steady >= 3.0)}",
+                *shares,
+                f"{folded}",
             )
         )
     head = (
@@ -207,6 +223,9 @@ def several_seeds() -> Summary:
         "slowest",
         "of 2.6 m/s or more",
         "of 3.0 m/s or more",
+        "of the best gait of 2 m/s, %; slowest",
+        "of that of 3 m/s, %; slowest",
+        "folded",
     )
     return Summary("", head, found)
 

@@ -159,7 +159,9 @@ def ratio_text(ours: Reached, other: Reached) -> str:
     """What ours had spent over what the other had, medians, as far as they are known."""
     if not ours.known:
         return ""
-    return f"{'' if other.known else 'at most '}{ours.median / other.median:.2f}"
+    share = ours.median / other.median
+    text = f"{share:.2f}" if share >= 0.1 else f"1/{int(1 / share)}"
+    return f"{'' if other.known else 'at most '}{text}"
 
 
 def goal_text(ours: Reached, other: Reached, goal: float | None) -> str:
@@ -187,14 +189,14 @@ def against_the_fastest(out: Path = OUT, mine: Name = "ours") -> Summary:
     return Summary("", ("speed", "in", NAMES[mine], "the soonest peer", "ours to it", "goal"), rows)
 
 
-def headline(out: Path = OUT) -> str:
-    """Time to each speed over that of the soonest peer."""
-    everyone = finalists(out)
-    found = (
-        (reached(everyone["ours"], speed, "cpu_seconds"), soonest(everyone, speed, "cpu_seconds"))
-        for speed in SPEEDS
-    )
-    return ", ".join(ratio_text(ours, peer[1]) if peer else "no peer" for ours, peer in found)
+def headline(peers: Sequence[str] = tuple(PEERS), speeds: Sequence[float] = SPEEDS, out: Path = OUT) -> str:
+    """Time of value gradients to each speed over that of the soonest of some peers."""
+    everyone, ratios = finalists(out), []
+    rivals = {name: learners for name, learners in everyone.items() if name in peers}
+    for speed in speeds:
+        ours, found = reached(everyone["ours"], speed, "cpu_seconds"), soonest(rivals, speed, "cpu_seconds")
+        ratios.append(ratio_text(ours, found[1]) if found else "no peer")
+    return ", ".join(ratios)
 
 
 def share_there(learners: Sequence[Looks], speed: float, quantity: str) -> tuple[Array, Array]:
