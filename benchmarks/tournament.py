@@ -3,6 +3,7 @@
     python benchmarks/tournament.py tune   # some settings of each around the best known, on seeds of their own
     python benchmarks/tournament.py final  # the best of them, on fresh seeds
     python benchmarks/tournament.py start  # their first ten seconds once more, looked at more closely
+    python benchmarks/tournament.py all    # one after the other, some twenty hours of a core
 
 All add rows to benchmarks/results/tournament.csv, one for each look at a learner; what is there already is
 not done again. SHAC, APG and cFVI run on the compiled equations that value gradients use, PPO, SAC and TD3 of
@@ -47,12 +48,16 @@ COLUMNS = (
     "stage", "algorithm", "sample", "settings", "seed", "version", "given", "cpu_seconds", "wall_seconds",
     "simulation_steps", "gradient_evaluations", "speed", "steady_speed",
 )  # fmt: skip
-Stage = Literal["tune", "start", "final"]
+Stage = Literal["tune", "final", "start"]
 Name = Literal["ours", "ours-torch", "ours-thrifty", "shac", "apg", "cfvi", "ppo", "sac", "td3"]
 TUNING_SEED = 1000
 """Seeds from here on are for tuning alone."""
 FINAL_SEEDS = tuple(range(300, 310))
 """Which no setting of any learner was chosen on."""
+OTHER_SEEDS: Mapping[Name, tuple[int, ...]] = {"ours-thrifty": tuple(range(310, 320))}
+"""Of a learner that was made after the others had shown what they come to with those."""
+CLOSER: tuple[Name, ...] = ("ours", "ours-thrifty", "shac", "apg")
+"""Those that are fast within seconds, whose start is looked at."""
 
 
 class Looking(NamedTuple):
@@ -68,8 +73,8 @@ class Looking(NamedTuple):
 
 STAGES: Mapping[Stage, Looking] = {
     "tune": Looking(240.0, 1.0, 1.4),
-    "start": Looking(10.0, 0.3, 1.2),
     "final": Looking(600.0, 1.0, 1.4),
+    "start": Looking(10.0, 0.3, 1.2),
 }
 WINDOW = 0.5
 """The last window begins at this share of the time. There steady speeds are looked at too."""
@@ -248,44 +253,57 @@ def run(name: Name, settings: Mapping[str, Any], seed: int, looking: Looking) ->
     return rows
 
 
+def entries(
+    stage: Stage, algorithms: Sequence[Name] | None, samples: int, seeds: Sequence[int] | None
+) -> list[tuple[Name, int]]:
+    """Who takes part in a stage, with which sample of the tuning or which seed, in turns."""
+    if stage == "tune":
+        names = [name for name in algorithms or PEERS if name not in LIKE_OURS]
+        return [(name, sample) for sample in range(samples) for name in names]
+    names = algorithms or (CLOSER if stage == "start" else tuple(PEERS))
+    columns = [[(name, seed) for seed in seeds or OTHER_SEEDS.get(name, FINAL_SEEDS)] for name in names]
+    return [entry for row in zip(*columns, strict=True) for entry in row]
+
+
 def main(
-    stage: tyro.conf.Positional[Stage],
-    algorithms: Sequence[Name] = tuple(PEERS),
+    stage: tyro.conf.Positional[Stage | Literal["all"]],
+    algorithms: Sequence[Name] | None = None,
     samples: int = 8,
-    seeds: Sequence[int] = FINAL_SEEDS,
+    seeds: Sequence[int] | None = None,
     seconds: float | None = None,
     out: Path = OUT,
 ) -> None:
-    """Tune, or run the final or its start.
+    """Tune, or run the final or its start, or all of them.
 
     Args:
         stage: Which.
-        algorithms: Of whom.
+        algorithms: Of whom; by default of all, at the start of those that are fast within seconds.
         samples: Settings of each that are tried.
-        seeds: Of the final and its start.
+        seeds: Of the final and its start; by default ten, 300 to 309 but for who came later.
         seconds: Processor time of each learner; by default 240 in the tuning, 10 at the start, 600 in the final.
         out: CSV to append rows to, those of a learner when it is done.
     """
     torch.set_num_threads(1)
+    if stage == "all":
+        for one in STAGES:
+            main(one, algorithms, samples, seeds, seconds, out)
+        return
     looking = STAGES[stage] if seconds is None else STAGES[stage]._replace(seconds=seconds)
-    for number in range(samples) if stage == "tune" else seeds:
-        for name in algorithms:
-            rows = read(out)
-            if stage == "tune":
-                if name in LIKE_OURS:
-                    continue
-                sample, chosen, seed = number, tried(name, samples)[number], TUNING_SEED + number
-            else:
-                seed = number
-                sample, chosen = best(rows, name)
-            settings = asdict(PEERS[name].settings(**chosen))
-            key = (stage, name, str(sample), json.dumps(settings), str(seed))
-            if any(tuple(row[column] for column in COLUMNS[:5]) == key for row in rows):
-                continue
-            looks = run(name, settings, seed, looking)
-            with out.open("a", newline="", encoding="utf-8") as file:
-                csv.writer(file, lineterminator="\n").writerows((*key, __version__, *look) for look in looks)
-            note_made(out)
+    for name, number in entries(stage, algorithms, samples, seeds):
+        rows = read(out)
+        if stage == "tune":
+            sample, chosen, seed = number, tried(name, samples)[number], TUNING_SEED + number
+        else:
+            seed = number
+            sample, chosen = best(rows, name)
+        settings = asdict(PEERS[name].settings(**chosen))
+        key = (stage, name, str(sample), json.dumps(settings), str(seed))
+        if any(tuple(row[column] for column in COLUMNS[:5]) == key for row in rows):
+            continue
+        looks = run(name, settings, seed, looking)
+        with out.open("a", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows((*key, __version__, *look) for look in looks)
+        note_made(out)
 
 
 if __name__ == "__main__":

@@ -231,13 +231,28 @@ def test_a_log_is_gone_on_with_and_the_fastest_goes_into_the_final(tmp_path, mon
     assert {(row["seed"], row["settings"], row["version"]) for row in final} == {
         ("3", json.dumps(settings), swimmer_mj.__version__)
     }
-    for _ in range(2):
-        tournament.main("start", ("apg",), seeds=(3,), seconds=0.6, out=out)
+    for stage in ("start", "all"):  # what is there is not done again
+        tournament.main(
+            stage, ("apg",), samples=2, seeds=(3,), seconds=0.6 if stage == "start" else 0.4, out=out
+        )
     start = [row for row in tournament.read(out) if row["stage"] == "start"]
     assert len({row["simulation_steps"] for row in start}) == len(start) > len(final)
     assert {(row["seed"], row["settings"]) for row in start} == {("3", json.dumps(settings))}
     with out.open() as file:
         assert next(csv.reader(file)) == list(tournament.COLUMNS)
+
+
+def test_who_takes_part_with_which_seeds():
+    tuning = tournament.entries("tune", None, 2, None)
+    assert len({*tuning}) == len(tuning) == 2 * (len(tournament.PEERS) - len(tournament.LIKE_OURS))
+    final = tournament.entries("final", None, 2, None)
+    assert len({*final}) == len(final) == 10 * len(tournament.PEERS)
+    assert {seed for name, seed in final if name == "ours-thrifty"}.isdisjoint(tournament.FINAL_SEEDS)
+    assert {seed for name, seed in final if name != "ours-thrifty"} == {*tournament.FINAL_SEEDS}
+    assert tournament.entries("start", ("apg", "shac"), 2, (7, 8)) == [
+        ("apg", 7), ("shac", 7), ("apg", 8), ("shac", 8),
+    ]  # fmt: skip
+    assert {name for name, _ in tournament.entries("start", None, 2, None)} == {*tournament.CLOSER}
 
 
 def append(log, rows):
