@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 from swimmer_mj.cli.training import configured
 from swimmer_mj.learning.problems.mujoco.task import MujocoTask
 from swimmer_mj.learning.value_gradient.method import ValueGradients
-from swimmer_mj.render.figures import COLORS, INK, plain_axes, save_figure
+from swimmer_mj.render.bands import end_key, mark_ends
+from swimmer_mj.render.figures import COLORS, HANDLE, INK, plain_axes, save_figure
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 NAMES = {"ours": "value gradients", "ppo": "PPO", "sac": "SAC"}
@@ -98,13 +99,15 @@ def mean_curve(learners: Sequence[Curve], quantity: Quantity) -> tuple[Array, Ar
 
 def _draw_task(axes: Axes, task: str, learners: Mapping[str, Sequence[Curve]], quantity: Quantity) -> None:
     plain_axes(axes)
+    means = []
     for (name, style), color in zip(STYLES.items(), COLORS, strict=False):
         if name in learners:
             for one in learners[name]:
                 axes.plot(getattr(one, quantity), one.returns, color=color, linewidth=0.6, alpha=0.3)
-            axes.plot(
+            means += axes.plot(
                 *mean_curve(learners[name], quantity), color=color, linestyle=style, linewidth=WIDTHS[name]
             )
+    mark_ends(axes, means)
     best = published().get(task)
     if best:
         axes.axhline(best[0][1], color=INK, linewidth=1.1, linestyle=":")
@@ -119,19 +122,18 @@ def draw(found: Mapping[str, Mapping[str, Sequence[Curve]]], quantity: Quantity)
     """A panel a task."""
     rows = -(-len(found) // COLUMNS)
     figure = Figure(figsize=(9.6, 2.3 * rows + 0.8), layout="constrained")
-    grid = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True).ravel()
+    grid = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
     for axes, (task, learners) in zip(grid, found.items(), strict=False):
         _draw_task(axes, task, learners, quantity)
     for axes in grid[len(found) :]:
         axes.axis("off")
-    for axes in grid[max(0, len(found) - COLUMNS) : len(found)]:  # the lowest of each column
-        axes.tick_params(labelbottom=True)
     handles = [
         Line2D([], [], color=color, linestyle=style, linewidth=WIDTHS[name], label=NAMES[name])
         for (name, style), color in zip(STYLES.items(), COLORS, strict=False)
     ]
     handles.append(Line2D([], [], color=INK, linestyle=":", linewidth=1.1, label="best listed"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False)
+    handles.append(end_key("its runs end"))
+    figure.legend(handles=handles, loc="outside upper center", ncols=5, frameon=False, handlelength=HANDLE)
     figure.supxlabel(QUANTITIES[quantity], fontsize="medium")
     figure.supylabel("return of an episode", fontsize="medium")
     return figure

@@ -26,7 +26,8 @@ from rich.console import Console
 from rich.table import Table
 
 from swimmer_mj.intervals import mean_and_interval
-from swimmer_mj.render.figures import COLORS, plain_axes, save_figure
+from swimmer_mj.render.bands import end_key, mark_ends
+from swimmer_mj.render.figures import COLORS, HANDLE, line, plain_axes, save_figure
 
 ROOT = Path(__file__).parents[1]
 RESULTS = tuple(ROOT / "benchmarks" / "results" / name for name in ("own-learners.csv", "peers-sb3.csv"))
@@ -186,8 +187,9 @@ def print_tables(curves: dict[str, list[Curve]], console: Console) -> None:
 
 
 def draw_curves(axes: Axes, curves: Mapping[str, list[Curve]], quantity: str) -> None:
-    """Speed against a quantity: median over seeds, each seed faint behind."""
+    """Speed against a quantity: median over seeds, as far as all go, each seed faint behind."""
     plain_axes(axes)
+    medians = []
     for color, (name, of_name) in zip(COLORS, curves.items(), strict=False):
         for curve in of_name:
             axes.plot(getattr(curve, quantity), curve.speed, color=color, linewidth=0.6, alpha=0.35)
@@ -196,7 +198,8 @@ def draw_curves(axes: Axes, curves: Mapping[str, list[Curve]], quantity: str) ->
         at = np.geomspace(start, end, 200)
         speeds = [np.interp(at, getattr(curve, quantity), curve.speed) for curve in of_name]
         label = f"{NAMES[name]}, {len(of_name)} seed{'s' * (len(of_name) > 1)}"
-        axes.plot(at, np.median(speeds, axis=0), color=color, linewidth=1.8, label=label)
+        medians += axes.plot(at, np.median(speeds, axis=0), linewidth=1.8, label=label, **line(color))
+    mark_ends(axes, medians)
     axes.set_xscale("log")
     axes.set_ylim(bottom=0)
 
@@ -212,8 +215,9 @@ def draw(curves: Mapping[str, list[Curve]]) -> Figure:
     simulation.set_xlabel("simulation steps of 0.01 s")
     simulation.xaxis.set_major_formatter(EngFormatter(sep=""))
     time.set_ylabel("swimming speed  (m/s)")
-    handles, labels = time.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=3, frameon=False)
+    handles, _ = time.get_legend_handles_labels()
+    handles.append(end_key("end of what all its seeds were given"))
+    figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, handlelength=HANDLE)
     return figure
 
 

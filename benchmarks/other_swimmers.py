@@ -499,7 +499,7 @@ def drag_plot(swimmers: Sequence[Swimmer]) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    from swimmer_mj.render.figures import BLUE, COLORS, INK, ORANGE, plain_axes
+    from swimmer_mj.render.figures import BLUE, COLORS, HANDLE, INK, ORANGE, line, plain_axes
 
     groups: list[list[Swimmer]] = []
     for swimmer in swimmers:
@@ -532,14 +532,14 @@ def drag_plot(swimmers: Sequence[Swimmer]) -> Figure:
                 axes.text(0.97, 0.05, f"{label}\nno drag", transform=axes.transAxes, ha="right", va="bottom",
                           color=color, fontsize=9, linespacing=1.35)  # fmt: skip
                 continue
-            axes.plot(SPEEDS, drag, color=color, linewidth=2.2, solid_capstyle="round", label=label)
+            axes.plot(SPEEDS, drag, linewidth=2.2, label=label, **line(color))
             power = getattr(group[0], f"{direction}_exponents")[-1]
             law = {1: "∝ v", 2: "∝ v²"}.get(round(power, 2), f"∝ v^{power:.2f}")
             axes.annotate(
                 law, (SPEEDS[-1], drag[-1]), (5, 0), textcoords="offset points", va="center", color=color
             )
     panels[0].set_ylabel("drag per kg of swimmer, N/kg")
-    panels[0].legend(loc="upper left", frameon=False, fontsize=9, labelspacing=0.7, handlelength=1.6)
+    panels[0].legend(loc="upper left", frameon=False, fontsize=9, labelspacing=0.7, handlelength=HANDLE)
     return figure
 
 

@@ -320,14 +320,15 @@ def open_loop_wave() -> Summary:
 
 
 def logs_made() -> Summary:
-    """Every committed log: by which commands, with which seeds."""
+    """Every committed log: by which commands, at which commits, with which seeds."""
     rows = []
     for folder in (RESULTS, LOGS):
         place = folder.relative_to(ROOT)
         for log, found in sorted(ways(folder).items()):
             commands = "; ".join(dict.fromkeys(f"`{way['command']}`" for way in found))
-            rows.append((f"`{place}/{log}`", commands, seeds_of(folder / log)))
-    return Summary("", ("log", "made by", "seeds"), rows)
+            commits = ", ".join(dict.fromkeys(way["commit"] for way in found))
+            rows.append((f"`{place}/{log}`", commands, commits, seeds_of(folder / log)))
+    return Summary("", ("log", "made by", "commit", "seeds"), rows)
 
 
 def seeds_of(log: Path) -> str:

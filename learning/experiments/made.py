@@ -1,7 +1,8 @@
 """How logs were made: beside them stands ``made.csv``, with the command and the versions, a row for each way.
 
-A log's rows have their seeds, or the command has them; what a command does not set is as the code of that version has
-it. Where a version is empty, the log is older than this table.
+A log's rows have their seeds, or the command has them; what a command does not set is as the code of that commit has
+it ("+": with changes that were not committed). A row from before commits were noted has the one that brought the log.
+Where the version of a package is empty, the log is older than this table.
 """
 
 from __future__ import annotations
@@ -10,16 +11,17 @@ import csv
 import os
 import platform
 import shlex
+import subprocess
 import sys
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-__all__ = ["COLUMNS", "MADE", "command_line", "note_made", "ways"]
+__all__ = ["COLUMNS", "MADE", "command_line", "commit", "note_made", "ways"]
 
 MADE = "made.csv"
 PACKAGES = ("swimmer-mj", "mujoco", "numpy", "torch", "numba")
-COLUMNS = ("log", "command", "python", *PACKAGES)
+COLUMNS = ("log", "command", "commit", "python", *PACKAGES)
 WHERE = ("--out", "--log", "--logs", "--picture")
 """Options that say where to write, not what."""
 
@@ -39,7 +41,8 @@ def command_line(argv: Sequence[str]) -> str:
 def note_made(log: str | os.PathLike[str], command: str | None = None) -> None:
     """Add to ``made.csv`` beside ``log`` that this process made it, or made it longer, unless that is there already."""
     path = Path(log)
-    row = [path.name, command or command_line(sys.argv), platform.python_version(), *map(_version, PACKAGES)]
+    versions = platform.python_version(), *map(_version, PACKAGES)
+    row = [path.name, command or command_line(sys.argv), commit(Path(__file__)), *versions]
     made = path.parent / MADE
     if row in _rows(made):
         return
@@ -48,6 +51,24 @@ def note_made(log: str | os.PathLike[str], command: str | None = None) -> None:
         if file.tell() == 0:
             writer.writerow(COLUMNS)
         writer.writerow(row)
+
+
+def commit(source: Path) -> str:
+    """Of the checkout that has this file of code; nothing if no checkout has it."""
+
+    def git(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            ["git", "-C", os.fspath(source.parent), *arguments], capture_output=True, text=True, check=False
+        )
+
+    try:
+        if git("ls-files", "--error-unmatch", source.name).returncode:
+            return ""
+        head = git("rev-parse", "--short", "HEAD").stdout.strip()
+        changed = git("diff", "--quiet", "HEAD", "--", ":(top,glob)**/*.py").returncode
+    except OSError:  # there is no git
+        return ""
+    return f"{head}+" if changed else head
 
 
 def ways(folder: str | os.PathLike[str]) -> dict[str, list[dict[str, str]]]:

@@ -2,7 +2,9 @@
 
 import csv
 import platform
+import re
 import shlex
+import subprocess
 from importlib.metadata import version
 from pathlib import Path
 
@@ -40,6 +42,30 @@ def test_each_way_is_noted_once(tmp_path, monkeypatch):
     assert made.ways(tmp_path / "nowhere") == {}
 
 
+def test_the_commit_of_the_code_is_noted(tmp_path, monkeypatch):
+    def git(*arguments):
+        name = ("-c", "user.name=one", "-c", "user.email=one@example.org")
+        subprocess.run(["git", *name, *arguments], cwd=tmp_path, check=True, capture_output=True)
+
+    code = tmp_path / "folder" / "code.py"
+    code.parent.mkdir()
+    code.write_text("one = 1")
+    assert made.commit(code) == ""
+    git("init")
+    assert made.commit(code) == "", "it is in no commit"
+    git("add", ".")
+    git("commit", "-m", "one")
+    head = made.commit(code)
+    assert re.fullmatch("[0-9a-f]{7,}", head)
+    (code.parent / "log.csv").write_text("results change nothing")
+    (tmp_path / "other.py").write_text("nor does what git does not know")
+    assert made.commit(code) == head
+    code.write_text("one = 2")
+    assert made.commit(code) == f"{head}+"
+    monkeypatch.setenv("PATH", "")
+    assert made.commit(code) == ""
+
+
 @pytest.mark.parametrize("folder", [RESULTS, LOGS])
 def test_every_log_says_how_it_was_made(folder):
     logs = {path.name for path in folder.iterdir()} - {made.MADE}
@@ -50,7 +76,7 @@ def test_every_log_says_how_it_was_made(folder):
 def test_what_made_them_is_there(folder):
     with (folder / made.MADE).open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert all(row["swimmer-mj"] for row in rows)
+    assert all(row["swimmer-mj"] and row["commit"] for row in rows)
     for row in rows:
         first, *rest = shlex.split(row["command"])
         if first == "python":
