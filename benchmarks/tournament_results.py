@@ -160,7 +160,7 @@ def ratio_text(ours: Reached, other: Reached) -> str:
     if not ours.known:
         return ""
     share = ours.median / other.median
-    text = f"{share:.2f}" if share >= 0.1 else f"1/{int(1 / share)}"
+    text = f"{share:.2f}" if share >= 0.1 else f"1/{int(1 / share + 0.5 * other.known)}"
     return f"{'' if other.known else 'at most '}{text}"
 
 
