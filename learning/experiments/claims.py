@@ -46,7 +46,7 @@ def linear(logs: Path) -> str:
         name: rows_where(learning, approximator=name)["reward"]
         for name in np.unique(learning["approximator"])
     }
-    seeds = len(rewards["cascade"])
+    seeds, etas = len(rewards["cascade"]), linear_approximators.ETAS
     return (
         f"Weights and seconds a step for 2 to 10 links: radial basis functions need {growth['radial basis']} "
         "times, tile "
@@ -55,7 +55,8 @@ def linear(logs: Path) -> str:
         "of the angle "
         f"over the last 10 of 20 s {interval(rewards['radial basis'])} and {interval(rewards['tile coding'])} "
         f"over {seeds} "
-        f"seeds; a cascade of 20 neurons with η 0.04 {interval(rewards['cascade'])} after as many trials, "
+        f"seeds, with η {etas['radial basis']:g} and {etas['tile coding']:g}; a cascade of 20 neurons with η "
+        f"{etas['cascade']:g} {interval(rewards['cascade'])} after as many trials, "
         f"{learning['trial'][0]:,.0f}"
     )
 
@@ -75,7 +76,8 @@ def hamiltonian(logs: Path) -> str:
         f"{at['switching'][0]:.0%} of the steps in which a control switches, and all but "
         f"{at['rms_unexplained'][0]:.4f} m/s is the second-order term. The pendulum learns the same with both "
         "(radial "
-        f"basis functions, {len(gradient)} seeds, reward {gradient.mean():.3f} and {difference.mean():.3f})"
+        f"basis functions, η {hamiltonians.PENDULUM_ETA:g}, {len(gradient)} seeds, reward {gradient.mean():.3f} "
+        f"and {difference.mean():.3f})"
     )
 
 
@@ -254,7 +256,7 @@ def claims(logs: Logs = LOGS) -> Summary:
             "Second-order methods are an alternative",
             section_3.second_order(directory),
             "`rates-at-length`",
-            "they learn as fast; the scaled rate stays where it has come to",
+            "they learn as fast; vario-η loses it again",
         ),
         (
             "4",

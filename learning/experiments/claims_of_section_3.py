@@ -129,8 +129,8 @@ def internal_spread(logs: Path) -> str:
         medians = np.array([np.median(spread[rows["n"] == n]) for n in np.unique(rows["n"])])
         spans.append(" to ".join(f"{float(f'{value:.2g}'):,.0f}" for value in (medians.min(), medians.max())))
     return (
-        f"The 95 % quantile over hidden neurons is {spans[0]} times the 5 % quantile on the pendulum, the "
-        "more the larger the "
+        f"η {section_3_3.ETA:g}. The 95 % quantile over hidden neurons is {spans[0]} times the 5 % quantile on "
+        "the pendulum, the more the larger the "
         f"cascade, and {spans[1]} times on the swimmer after {LAST_TRIALS:,} trials (medians over seeds, by size)"
     )
 

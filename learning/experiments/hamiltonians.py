@@ -48,6 +48,8 @@ TIME_STEPS = (0.02, 0.01, 0.005, 0.002, 0.001, 0.0005)
 EPISODE_DT = 0.01
 """Step of the episode that is logged, s."""
 LEARNING_MOMENTS = (25, 50, 100, 200, 400)
+PENDULUM_ETA = 10.0
+"""Of the radial basis functions."""
 
 
 class BothHamiltonians(NamedTuple):
@@ -194,7 +196,7 @@ def _learning(
     rows: list[tuple[str | float, ...]] = []
     for form in ("gradient", "difference"):
         for seed in seeds:
-            learner = LinearTD(problem, radial_basis(), TDSettings(eta=10.0), form)
+            learner = LinearTD(problem, radial_basis(), TDSettings(eta=PENDULUM_ETA), form)
             rng = np.random.default_rng(seed)
             done = 0
             for trial in moments:

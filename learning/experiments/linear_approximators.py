@@ -38,6 +38,7 @@ from swimmer_mj.parameters import SwimmerParameters
 __all__ = [
     "APPROXIMATORS",
     "COST_LOG",
+    "ETAS",
     "LEARNING_LOG",
     "make_learner",
     "n_features",
@@ -51,6 +52,8 @@ LEARNING_LOG = "linear.csv"
 COST_LOG = "linear-cost.csv"
 
 APPROXIMATORS = ("cascade", "radial basis", "tile coding")
+ETAS = {"cascade": 0.04, "radial basis": 10.0, "tile coding": 30.0}
+"""Learning rates on the pendulum."""
 MOMENTS = (0, 50, 100, 200, 300, 500, 750, 1000, 1500, 2000)
 PER_VARIABLE = 5
 NEURONS_PER_LINK = 12
@@ -74,11 +77,11 @@ def make_learner(approximator: str, seed: int) -> FusedTD | LinearTD:
     match approximator:
         case "cascade":
             network = Cascade(problem.n_inputs, 20, generator=torch.Generator().manual_seed(seed))
-            return FusedTD(problem, network, TDSettings(eta=0.04))
+            return FusedTD(problem, network, TDSettings(eta=ETAS["cascade"]))
         case "radial basis":
-            return LinearTD(problem, radial_basis(), TDSettings(eta=10.0))
+            return LinearTD(problem, radial_basis(), TDSettings(eta=ETAS["radial basis"]))
         case "tile coding":
-            return LinearTD(problem, tile_coding(), TDSettings(eta=30.0))
+            return LinearTD(problem, tile_coding(), TDSettings(eta=ETAS["tile coding"]))
     raise ValueError(f"approximator must be one of {', '.join(APPROXIMATORS)}, got {approximator!r}")
 
 
