@@ -111,6 +111,7 @@ def _draw_task(axes: Axes, task: str, learners: Mapping[str, Sequence[Curve]], q
     best = published().get(task)
     if best:
         axes.axhline(best[0][1], color=INK, linewidth=1.1, linestyle=":")
+        axes.autoscale_view(scalex=False)  # not on the edge
     axes.set_title(task.partition("/")[2], fontsize=10, loc="left")
     axes.set_xscale("log")
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))

@@ -216,7 +216,7 @@ def draw(curves: Mapping[str, list[Curve]]) -> Figure:
     simulation.xaxis.set_major_formatter(EngFormatter(sep=""))
     time.set_ylabel("swimming speed  (m/s)")
     handles, _ = time.get_legend_handles_labels()
-    handles.append(end_key("end of what all its seeds were given"))
+    handles.append(end_key("ends where a seed was stopped"))
     figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, handlelength=HANDLE)
     return figure
 

@@ -62,6 +62,8 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "gait-basins": gait_tables.basins,
     "gait-shares": gait_tables.shares,
     "any-model": model_tables.any_model,
+    "task-settings": model_tables.task_settings,
+    "round-cost": model_tables.round_cost,
     "any-model-variants": model_tables.any_model_variants,
     "own-models": model_tables.own_models,
     "swimmer-as-mjcf": model_tables.swimmer_as_mjcf,

@@ -24,14 +24,21 @@ from swimmer_mj.learning.experiments.tables import write_table
 
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "gait-replays.csv"
 COLUMNS = (
-    "links", "speed", "pull", "duration", "defect", "saturated", "power", "positive_power", "fold", "crossings",
-    "strokes", "replayed_speed", "largest_error", "without_feedback",
+    "links", "speed", "pull", "duration", "defect", "saturated", "power", "positive_power", "fold", "fold_joint",
+    "crossings", "strokes", "replayed_speed", "largest_error", "without_feedback",
 )  # fmt: skip
 SECONDS = 8.0
 DISTURBANCE = 1e-3
 """Standard deviation of each state variable at the beginning, rad, rad/s, m/s."""
 STROKES_LEFT_OUT = 0.5
 """Share of the strokes in which the disturbance dies out."""
+
+
+def sharpest_bend(gait: Gait) -> tuple[float, int]:
+    """The largest angle of a joint, degrees, whole turns left out, and which joint has it, the first being 1."""
+    n = gait.parameters.n_links
+    bends = np.degrees(np.abs(np.angle(np.exp(1j * np.diff(gait.states[:, :n], axis=1))))).max(axis=0)
+    return float(bends.max()), int(bends.argmax()) + 1
 
 
 def measured(links: int, speed: float, gait: Gait) -> tuple[float | str, ...]:
@@ -44,13 +51,11 @@ def measured(links: int, speed: float, gait: Gait) -> tuple[float | str, ...]:
     free = replay(gait, replace(feedback, gains=np.zeros_like(feedback.gains)), n_strokes, disturbance)
     late = slice(int(STROKES_LEFT_OUT * n_strokes), None)
     crossings = "; ".join(f"{i}-{j} {share:.0%}" for (i, j), share in crossing_shares(gait).items())
-    bends = np.diff(gait.states[:, :links], axis=1)
-    fold = np.degrees(np.abs(np.angle(np.exp(1j * bends))).max())  # whole turns make no difference
     return (
         links, speed, gait.pull, gait.duration, float(np.abs(gait.fine[1]).max()),
-        float((np.abs(gait.controls) > 0.999 * limits).mean()), *mean_power(gait), float(fold), crossings or "none",
-        n_strokes, float(held.speeds[late].mean()), float(np.abs(held.speeds[late] / speed - 1).max()),
-        float(free.speeds[late].mean()),
+        float((np.abs(gait.controls) > 0.999 * limits).mean()), *mean_power(gait), *sharpest_bend(gait),
+        crossings or "none", n_strokes, float(held.speeds[late].mean()),
+        float(np.abs(held.speeds[late] / speed - 1).max()), float(free.speeds[late].mean()),
     )  # fmt: skip
 
 

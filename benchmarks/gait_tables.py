@@ -28,7 +28,7 @@ def replays() -> Summary:
                 f"{speed:g}",
                 f"{pull:.4f}",
                 f"{table['duration'][i]:.3f}",
-                f"{table['fold'][i]:.0f}°",
+                f"{table['fold'][i]:.0f}° ({table['fold_joint'][i]:.0f} of {n - 1:.0f})",
                 str(table["crossings"][i]),
                 f"{table['saturated'][i]:.0%}",
                 f"{power:.1f}",
@@ -44,7 +44,7 @@ def replays() -> Summary:
         "mean speed, m/s",
         "pull, m/s²",
         "stroke, s",
-        "sharpest bend",
+        "sharpest bend (joint)",
         "links that cross",
         "torques at their limits",
         "power, W",
@@ -81,6 +81,16 @@ def accelerations() -> Summary:
     return Summary("", ("links", "from 1 to 2 m/s, s", "from 2 to 3 m/s, s"), rows)
 
 
+STARTS = {"wave": "waves", "random": "random motions", "best": "other gaits", "learned": "learned strokes"}
+"""Where solves began."""
+
+
+def kind_of_start(start: str) -> str:
+    """One of :data:`STARTS`, by what the log calls it; the strokes of policies are called by their names."""
+    first = start.split()[0]
+    return first if first in STARTS else "learned"
+
+
 def basins() -> Summary:
     """What the solves of the log came to."""
     table = read_table(LOGS / "gaits.csv")
@@ -93,6 +103,8 @@ def basins() -> Summary:
             swims = solved & (one["pull"] > GLIDE)
             best = one["pull"][swims].max() if swims.any() else math.nan
             near = swims & (one["pull"] > 0.99 * best)
+            kinds = np.array([kind_of_start(str(start)) for start in one["start"]])
+            counts = (f"{(near & (kinds == kind)).sum()} of {(kinds == kind).sum()}" for kind in STARTS)
             others = ", ".join(f"{pull:.3f}" for pull in sorted(one["pull"][swims & ~near], reverse=True))
             rows.append(
                 (
@@ -100,6 +112,7 @@ def basins() -> Summary:
                     f"{speed:g}",
                     str(len(solved)),
                     str(int(near.sum())),
+                    *counts,
                     others or "-",
                     str(int(glides.sum())),
                     str(int((~solved).sum())),
@@ -111,6 +124,7 @@ def basins() -> Summary:
         "mean speed, m/s",
         "solves",
         "within 1 % of the best",
+        *(f"of these from {name}" for name in STARTS.values()),
         "other gaits, m/s²",
         "glide",
         "not converged",
@@ -128,6 +142,7 @@ def shares() -> Summary:
         best = float(table["best_speed"][i])
         share = f"{mean / best:.0%}" if best else "-"
         interval = f"{mean:.2f} [{table['low'][i]:.2f}, {table['high'][i]:.2f}]"
-        rows.append((f"`{name}`", f"{pull:.4f}", f"{best:g}" if best else "no best", interval, share))
-    header = ("policy", "pull, m/s²", "best known gait, m/s", "policy, m/s", "share")
+        folded = f"{table['folded'][i]:.0%}"
+        rows.append((f"`{name}`", f"{pull:.4f}", f"{best:g}" if best else "no best", interval, share, folded))
+    header = ("policy", "pull, m/s²", "best known gait, m/s", "policy, m/s", "share", "of the time folded")
     return Summary("", header, rows)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments.summaries import Summary
+from swimmer_mj.learning.problems.mujoco.task import ADVICE
 
 __all__ = [
     "any_model",
@@ -22,9 +23,11 @@ __all__ = [
     "own_models",
     "published",
     "reacher_bound",
+    "round_cost",
     "several_seeds",
     "swimmer_as_mjcf",
     "swimmer_coordinates",
+    "task_settings",
 ]
 
 RESULTS = Path(__file__).parent / "results"
@@ -130,6 +133,54 @@ def any_model_variants() -> Summary:
         changed = ", ".join(f"`{one}`" for one in settings.split()) or "as `train`"
         table.append((f"`{task}`", changed, f"{seconds:.0f}", f"{values.mean():.0f}", each))
     head = ("task", "settings", "seconds of a core", "return of the last look", "each seed")
+    return Summary("", head, table)
+
+
+def round_cost() -> Summary:
+    """What a round spends its time on."""
+    found = json.loads((RESULTS / "round-cost.json").read_text(encoding="utf-8"))
+    table = []
+    for task, parts in found.items():
+        states = parts.pop("states")
+        whole = sum(parts.values())
+        shares = (f"{100 * spent / whole:.0f} %" for spent in parts.values())
+        table.append((f"`{task}`" if "/" in task else task, f"{states:,}", f"{whole:,.0f}", *shares))
+    head = (
+        "task",
+        "states a round",
+        "ms a round",
+        "V and its slope",
+        "choice of controls",
+        "MuJoCo's steps",
+        "reward and its slope",
+        "costates",
+        "fit",
+    )
+    return Summary("", head, table)
+
+
+def task_settings() -> Summary:
+    """How smooth each task is, and what its settings differ in from those that all tasks have."""
+    table = []
+    for row in _rows("task-settings.csv"):
+        known = ADVICE | {"dt": float(row["control_timestep"])}
+        changed = {
+            name: value
+            for name, value in json.loads(row["settings"]).items()
+            if known.get(name, ...) != value
+        }
+        words = ", ".join(f"`{name}={json.dumps(value)}`" for name, value in changed.items()).replace(" ", "")
+        share = f"{100 * float(row['constrained_share']):.0f} %"
+        table.append(
+            (
+                f"`{row['task']}`",
+                share,
+                row["control_timestep"],
+                row["s_gamma"],
+                words.replace(",`", ", `") or "-",
+            )
+        )
+    head = ("task", "states with an active constraint", "control step, s", "s_gamma, 1/s", "other settings")
     return Summary("", head, table)
 
 

@@ -72,13 +72,18 @@ def starts(full: Array) -> Starts:
     return Starts(*to_qpos_qvel(full, PAPER.n_links))
 
 
-def learn(friction: Friction, seed: int, seconds: float, console: Console) -> list[Row]:
-    """A row for each look at one learner."""
-    problem = swimmer(friction)
+def start(problem: MujocoProblem, seed: int) -> ValueGradientLearner[Multilayer]:
+    """A learner of it."""
     generator = torch.Generator().manual_seed(seed)
     network = Multilayer(problem.n_inputs, (64, 64), generator=generator, dtype=torch.float32)
     settings = ValueGradientSettings(trajectories=64, minibatch=256, passes=4, huber=1.0)
-    learner = ValueGradientLearner(problem, network, settings, seed=seed)
+    return ValueGradientLearner(problem, network, settings, seed=seed)
+
+
+def learn(friction: Friction, seed: int, seconds: float, console: Console) -> list[Row]:
+    """A row for each look at one learner."""
+    problem = swimmer(friction)
+    learner = start(problem, seed)
     learner.step()  # compiles
     rows: list[Row] = []
     for clock in looks(learner.step, LOOKS, seconds):

@@ -1,5 +1,8 @@
 """The tables of docs/gaits.md."""
 
+from dataclasses import replace
+
+import gait_replays
 import gait_tables
 import numpy as np
 import pytest
@@ -32,3 +35,28 @@ def test_the_gaits_hold_on_mujoco_to_half_a_percent():
     table = read_table(gait_tables.RESULTS / "gait-replays.csv")
     assert (np.abs(table["replayed_speed"] / table["speed"] - 1) < 0.005).all()
     assert (table["largest_error"] < 0.005).all()
+
+
+def test_whole_turns_are_no_bend():
+    gait = load_gaits(BEST / "swim5.npz")[2.0]
+    bend, joint = gait_replays.sharpest_bend(gait)
+    states = gait.states.copy()
+    states[:, 2:5] += 2 * np.pi  # the last three links once round
+    assert gait_replays.sharpest_bend(replace(gait, states=states)) == (pytest.approx(bend), joint)
+    states[:, 4] += np.radians(100)
+    bent, at = gait_replays.sharpest_bend(replace(gait, states=states))
+    assert (bent > 100 - bend, at) == (True, 4)
+
+
+def test_starts_are_told_apart():
+    starts = {
+        "wave 2 s, 1.5 rad": "wave",
+        "random 3": "random",
+        "best of 4 links": "best",
+        "swim5-joints": "learned",
+    }
+    assert {start: gait_tables.kind_of_start(start) for start in starts} == starts
+    counted = [row[4:8] for row in gait_tables.basins().rows]
+    assert all(int(cell.split()[0]) <= int(cell.split()[-1]) for row in counted for cell in row)
+    of_all = [sum(int(cell.split()[-1]) for cell in row) for row in counted]
+    assert of_all == [int(row[2]) for row in gait_tables.basins().rows]

@@ -1,7 +1,11 @@
 """Tables of MuJoCo models."""
 
+import time
+
 import model_tables
 import numpy as np
+import pytest
+import round_cost
 
 
 def test_who_ends_below_its_best_is_counted():
@@ -57,3 +61,32 @@ def test_teams_beside_the_best_gaits(tmp_path, monkeypatch):
     assert five[-3].startswith("70 [")
     assert five[-1] == "1"
     assert six[-3:] == ("-", "-", "-")
+
+
+def test_what_is_called_inside_of_a_part_is_not_counted_there():
+    """The times add up to those of the whole."""
+    watch = round_cost.Stopwatch()
+
+    class Work:
+        def inner(self):
+            time.sleep(0.02)
+            return 3
+
+        def outer(self, times=1):
+            time.sleep(0.01)
+            return sum(self.inner() for _ in range(times))
+
+    work = Work()
+    watch.time(work, "inner", "in")
+    watch.time(work, "outer", "out")
+    started = time.perf_counter()
+    assert work.outer(times=2) == 6
+    assert sum(watch.spent.values()) == pytest.approx(time.perf_counter() - started, rel=0.02)
+    assert watch.spent["in"] >= 0.04
+    assert 0.01 <= watch.spent["out"] < watch.spent["in"]
+
+
+def test_a_round_is_taken_apart():
+    found = round_cost.parts("dm_control/pendulum/swingup", 1)
+    assert found.pop("states") == 256 * 25
+    assert all(part > 0 for part in found.values())

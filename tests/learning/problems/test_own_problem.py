@@ -1,4 +1,4 @@
-"""The example of docs/own-problem.md runs as printed and learns."""
+"""The first example of docs/own-problem.md runs as printed and learns."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ DOCUMENT = Path(__file__).parents[3] / "docs" / "own-problem.md"
 
 
 def test_example_learns(capsys):
-    (code,) = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
+    code, _ = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
     exec(compile(code, str(DOCUMENT), "exec"), {})
     assert (
         float(capsys.readouterr().out) > 0.8

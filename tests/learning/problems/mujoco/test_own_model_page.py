@@ -1,12 +1,12 @@
-"""The example of docs/any-model.md runs as printed and learns."""
+"""The MuJoCo example of docs/own-problem.md runs as printed and learns."""
 
 import re
 from pathlib import Path
 
 import numpy as np
 
-DOCUMENT = Path(__file__).parents[4] / "docs" / "any-model.md"
-(CODE,) = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
+DOCUMENT = Path(__file__).parents[4] / "docs" / "own-problem.md"
+_, CODE = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
 
 
 def test_example_learns(capsys):
