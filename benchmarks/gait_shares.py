@@ -10,7 +10,7 @@ RK4 at 0.01 s, and the share of that time in which the chain is folded. The poli
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -24,9 +24,9 @@ from swimmer_mj.intervals import mean_and_interval
 from swimmer_mj.learning.experiments.gaits.gait import BEST, Gait, load_gaits
 from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.experiments.tables import read_table, write_table
-from swimmer_mj.learning.pretrained import pretrained_directory, pretrained_names
+from swimmer_mj.learning.networks.policy import GreedyPolicy
+from swimmer_mj.learning.pretrained import load_pretrained, pretrained_names
 from swimmer_mj.learning.problems.swim.environment import evaluation_states
-from swimmer_mj.learning.runs.run import load_policy
 from swimmer_mj.parameters import SwimmerParameters
 
 OUT = Path(__file__).parents[1] / "benchmarks" / "results" / "gait-shares.csv"
@@ -53,10 +53,12 @@ def best_gaits(links: int) -> dict[float, Gait]:
 
 
 def swim(
-    directory: Path, pulls: NDArray[np.float64], settled: float = SETTLED, duration: float = DURATION
+    policy: GreedyPolicy[Any],
+    pulls: NDArray[np.float64],
+    settled: float = SETTLED,
+    duration: float = DURATION,
 ) -> Swum:
-    """The policy of a run against each pull, m/s^2, from ``settled`` to ``duration``, s."""
-    policy, _, _ = load_policy(directory)
+    """A policy against each pull, m/s^2, from ``settled`` to ``duration``, s."""
     n = (policy.problem.state_size - 2) // 2
     p = SwimmerParameters(n_links=n)
     swimmer = AnalyticSwimmer(p)
@@ -89,7 +91,7 @@ def main(policies: tuple[str, ...] = pretrained_names(), out: Path = OUT) -> Non
         best = best_gaits(links)
         pulls = np.array([0.0, *(gait.pull for gait in best.values())])
         new: list[tuple[str | float, ...]] = []
-        swum = swim(pretrained_directory(name), pulls)
+        swum = swim(load_pretrained(name).policy, pulls)
         for pull, best_speed, speeds, folded in zip(pulls, (0.0, *best), *swum, strict=True):
             mean, (low, high) = mean_and_interval(speeds)
             new.append((name, links, pull, best_speed, mean, low, high, folded.mean()))

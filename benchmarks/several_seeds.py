@@ -25,6 +25,8 @@ from gait_shares import best_gaits, swim
 from rich.console import Console
 from yardstick import append, finished
 
+from swimmer_mj.learning.runs.run import load_policy
+
 OUT = Path(__file__).parent / "results" / "several-seeds.csv"
 COLUMNS = ("links", "seed", "seeds", "seconds", "cores", "left", "bests", "speed", "steady_speed",
            "against_2", "against_3", "folded")  # fmt: skip
@@ -42,7 +44,8 @@ def command(*arguments: object) -> dict[str, Any]:
 def pulled(directory: Path, links: int) -> tuple[float, ...]:
     """Speed against the pull of each gait, m/s, and the share of the time that the chain is folded without one."""
     best = best_gaits(links)
-    swum = swim(directory, np.array([0.0, *(best[speed].pull for speed in PULLED)]))
+    policy, _, _ = load_policy(directory)
+    swum = swim(policy, np.array([0.0, *(best[speed].pull for speed in PULLED)]))
     return (*swum.speed[1:].mean(axis=1).tolist(), float(swum.folded[0].mean()))
 
 

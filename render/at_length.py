@@ -13,8 +13,18 @@ from swimmer_mj.learning.experiments import linear_swimmer, long_runs, noise_at_
 from swimmer_mj.learning.experiments.section_3_3 import power_of_n
 from swimmer_mj.learning.experiments.section_3_4 import METHODS
 from swimmer_mj.learning.experiments.tables import LOGS, Path, Table, last_look, read_table, rows_where
-from swimmer_mj.render.bands import band, quartiles
-from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, log_axis, plain_axes
+from swimmer_mj.render.bands import band, end_key, mark_ends, quartiles
+from swimmer_mj.render.figures import (
+    BLUE,
+    COLORS,
+    GREY,
+    HANDLE,
+    INK,
+    ORANGE,
+    line,
+    log_axis,
+    plain_axes,
+)
 from swimmer_mj.render.second_order import METHOD_COLORS, METHOD_LABELS
 
 __all__ = ["draw_linear_swimmer", "draw_noise_at_length", "draw_rates_at_length", "draw_raw_angles"]
@@ -62,7 +72,7 @@ def draw_raw_angles(logs: Logs = LOGS) -> Figure:
     panels[0, 0].set_ylabel("swimming speed  (m/s)")
     value.set_ylabel(r"$\langle V \rangle_S$  (m)")
     handles, labels = panels[0, 1].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=2, frameon=False)
+    figure.legend(handles, labels, loc="outside upper left", ncols=2, frameon=False, handlelength=HANDLE)
     figure.align_ylabels()
     return figure
 
@@ -91,7 +101,7 @@ def draw_rates_at_length(logs: Logs = LOGS) -> Figure:
     at_end.set_xticks(range(len(METHODS)), ["plain", "scaled", r"vario-$\eta$", "L.-M."])
     at_end.set_xlim(-0.6, len(METHODS) - 0.4)
     handles, labels = curve.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=4, frameon=False)
+    figure.legend(handles, labels, loc="outside upper left", ncols=4, frameon=False, handlelength=HANDLE)
     return figure
 
 
@@ -108,27 +118,27 @@ def draw_noise_at_length(logs: Logs = LOGS) -> Figure:
             axes.sharey(panels[0])
         for n, color in zip(sizes, COLORS, strict=False):
             band(axes, rows_where(table, eta=eta, n=n), "trial", "per_n", color, f"n = {n:g}")
-        axes.axhline(1, color=INK, linewidth=1.1, linestyle=(0, (5, 3)))
+        axes.axhline(1, linewidth=1.1, **line(INK))
         axes.set_xscale("log")
         log_axis(axes, "y")
         axes.set_xlabel("trials")
         axes.set_title(rf"$\eta$ = {eta:g}", fontsize=10)
     panels[0].set_ylabel("ratio of variances / n")
-    panels[0].legend(frameon=False, fontsize=8)
+    panels[0].legend(frameon=False, fontsize=8, handlelength=HANDLE)
     last = panels[-1]
     plain_axes(last)
     moment = float(table["trial"].max())
     table["ratio"] = table["per_n"] * table["n"]
-    for eta, color in zip(etas, (BLUE, ORANGE), strict=False):
+    for eta, color, marker in zip(etas, (BLUE, ORANGE), "os", strict=False):
         rows = rows_where(table, eta=eta, trial=moment)
         at, low, middle, high = quartiles(rows, "n", "ratio")
         last.vlines(at, low, high, color=color, linewidth=1.2)
         power, error, _ = power_of_n(rows["n"], rows["ratio"])
         label = rf"$\eta$ = {eta:g}: $n^{{{power:.2f} \pm {error:.2f}}}$"
-        last.plot(at, middle, "o", color=color, markersize=5, label=label)
+        last.plot(at, middle, marker, color=color, markersize=5, label=label)
         factor = np.exp(np.mean(np.log(rows["ratio"]) - power * np.log(rows["n"])))
-        last.plot(at, factor * at**power, color=color, linewidth=1.1)
-    last.plot(sizes, sizes, color=INK, linewidth=1.1, linestyle=(0, (5, 3)), label="ratio = n")
+        last.plot(at, factor * at**power, linewidth=1.1, **line(color))
+    last.plot(sizes, sizes, linewidth=1.1, label="ratio = n", **line(INK))
     log_axis(last, "x")
     log_axis(last, "y")
     last.set_xticks(sizes, [f"{size:g}" for size in sizes])
@@ -136,7 +146,7 @@ def draw_noise_at_length(logs: Logs = LOGS) -> Figure:
     last.set_xlabel("neurons n")
     last.set_ylabel("ratio of variances")
     last.set_title(f"after {moment:,.0f} trials", fontsize=10)
-    last.legend(frameon=False, fontsize=8)
+    last.legend(frameon=False, fontsize=8, handlelength=HANDLE)
     return figure
 
 
@@ -147,6 +157,7 @@ def draw_linear_swimmer(logs: Logs = LOGS) -> Figure:
     by_trial, by_time = figure.subplots(1, 2, sharey=True)
     for axes in (by_trial, by_time):
         plain_axes(axes)
+    medians = []
     for name, color in (("cascade", BLUE), ("tile coding", ORANGE)):
         rows = rows_where(table, approximator=name)
         label = f"{name}, {rows['weights'][0]:,.0f} weights"
@@ -156,12 +167,14 @@ def draw_linear_swimmer(logs: Logs = LOGS) -> Figure:
             by_time.plot(one["seconds"], one["speed"], color=color, linewidth=0.5, alpha=0.5)
         _, _, middle, _ = quartiles(rows, "trial", "speed")
         _, _, seconds, _ = quartiles(rows, "trial", "seconds")
-        by_time.plot(seconds, middle, color=color, linewidth=1.8)
+        medians += by_time.plot(seconds, middle, linewidth=1.8, **line(color))
+    mark_ends(by_time, medians)
     log_axis(by_time, "x")
     by_trial.xaxis.set_major_formatter(EngFormatter(sep=""))
     by_trial.set_xlabel("trials")
     by_time.set_xlabel("seconds of a core")
     by_trial.set_ylabel("swimming speed  (m/s)")
-    handles, labels = by_trial.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=2, frameon=False)
+    handles, _ = by_trial.get_legend_handles_labels()
+    handles.append(end_key(f"its {table['trial'].max():,.0f} trials are over"))
+    figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, handlelength=HANDLE)
     return figure

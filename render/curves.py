@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +14,7 @@ from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 
 from swimmer_mj import state as st
-from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, log_axis, plain_axes
+from swimmer_mj.render.figures import BLUE, GREY, HANDLE, INK, ORANGE, line, log_axis, nth_line, plain_axes
 from swimmer_mj.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -91,9 +91,8 @@ def learning_curve(
         plain_axes(axes)
 
     for i, (label, run) in enumerate(metrics):
-        color = COLORS[i % len(COLORS)]
         few = "o" if run["trial"].size < 3 else None  # a line through one or two points shows nothing
-        style = {"color": color, "linewidth": 1.5, "marker": few, "markersize": 3.5}
+        style = {"linewidth": 1.5, "marker": few, "markersize": 3.5, **nth_line(i)}
         value.plot(run[against], run["mean_value"], label=label, **style)
         hamiltonian.plot(run[against], run["mean_squared_hamiltonian"], **style)
         speed.plot(run[against], run["speed"], **style)
@@ -103,7 +102,7 @@ def learning_curve(
                 run[against][best],
                 run["speed"][best],
                 "*",
-                color=color,
+                color=style["color"],
                 markersize=13,
                 markeredgecolor="white",
                 label="best",
@@ -112,10 +111,9 @@ def learning_curve(
     if reference_speed is not None:
         speed.axhline(
             reference_speed,
-            color=INK,
             linewidth=1.1,
-            linestyle=(0, (5, 3)),
             label=f"open-loop wave, {reference_speed:g} m/s",
+            **line(INK),
         )
     names = (r"$\langle V \rangle_S$", r"$\langle H^2 \rangle_S$", measure)
     for i, (axes, name) in enumerate(zip((value, hamiltonian, speed), names, strict=True)):
@@ -126,21 +124,25 @@ def learning_curve(
         log_axis(hamiltonian, "y")
     if len(metrics) > 1:
         columns = min(len(metrics), 4)
-        value.legend(frameon=False, fontsize=9, ncols=columns, loc="lower left", bbox_to_anchor=(0, 1))
+        value.legend(**_above(columns))
     handles, labels = speed.get_legend_handles_labels()
     if labels:
         unique = dict(zip(labels, handles, strict=True))  # one star stands for all
-        speed.legend(
-            unique.values(),
-            unique.keys(),
-            frameon=False,
-            fontsize=9,
-            ncols=2,
-            loc="lower left",
-            bbox_to_anchor=(0, 1),
-        )
+        speed.legend(unique.values(), unique.keys(), **_above(2))
     figure.align_ylabels()
     return figure
+
+
+def _above(columns: int) -> dict[str, Any]:
+    """Where a legend stands: above its axes, so that it covers nothing."""
+    return {
+        "frameon": False,
+        "fontsize": 9,
+        "ncols": columns,
+        "loc": "lower left",
+        "bbox_to_anchor": (0, 1),
+        "handlelength": HANDLE,
+    }
 
 
 def rollout_plot(trajectory: Trajectory) -> Figure:
@@ -156,11 +158,9 @@ def rollout_plot(trajectory: Trajectory) -> Figure:
 
     angles = np.degrees(st.split(trajectory.states, n).angles)
     for i in range(n):
-        angle.plot(
-            times, angles[:, i], color=COLORS[i % len(COLORS)], linewidth=1.3, label=rf"$\theta_{{{i + 1}}}$"
-        )
+        angle.plot(times, angles[:, i], linewidth=1.3, label=rf"$\theta_{{{i + 1}}}$", **nth_line(i))
     angle.set_ylabel("angle  (degrees)")
-    angle.legend(frameon=False, fontsize=9, ncols=min(n, 8), loc="lower left", bbox_to_anchor=(0, 1))
+    angle.legend(**_above(min(n, 8)))
 
     limits = trajectory.parameters.torque_limits
     scale = control_lanes(torque, times, trajectory.controls, limits, " N·m")
@@ -169,8 +169,8 @@ def rollout_plot(trajectory: Trajectory) -> Figure:
     speed.plot(times, trajectory.speeds(), color=BLUE, linewidth=1.3)
     if trajectory.n_steps:
         mean = trajectory.speed(times[0])
-        speed.axhline(mean, color=INK, linewidth=1.1, linestyle=(0, (5, 3)), label=f"mean {mean:.2f} m/s")
-        speed.legend(frameon=False, fontsize=9, loc="lower left", bbox_to_anchor=(0, 1))
+        speed.axhline(mean, linewidth=1.1, label=f"mean {mean:.2f} m/s", **line(INK))
+        speed.legend(**_above(1))
     speed.set_ylabel("speed along\ntarget  (m/s)")
 
     _value_and_hamiltonian(value, times, trajectory.values, trajectory.hamiltonians, ("  (m)", "  (m/s)"))
@@ -186,10 +186,8 @@ def episode_plot(episode: Episode) -> Figure:
     for axes in (state, control, reward, value):
         plain_axes(axes)
     for i in range(p):
-        color, style = COLORS[i % len(COLORS)], ("-", "--", ":")[i // len(COLORS) % 3]
-        state.plot(times, episode.states[:, i], style, color=color, linewidth=1.3, label=f"$x_{{{i + 1}}}$")
-    columns = min(p, 8)
-    state.legend(frameon=False, fontsize=9, ncols=columns, loc="lower left", bbox_to_anchor=(0, 1))
+        state.plot(times, episode.states[:, i], linewidth=1.3, label=f"$x_{{{i + 1}}}$", **nth_line(i))
+    state.legend(**_above(min(p, 8)))
     state.set_ylabel("state")
     scale = control_lanes(control, times, episode.controls, episode.problem.control_limits)
     control.set_ylabel(f"control\n(lane: {scale})")
@@ -207,9 +205,9 @@ def _value_and_hamiltonian(axes: Axes, times: Array, V: Array, H: Array, units: 
     twin.spines["top"].set_visible(False)
     for panel, series, name, unit, color, width in (
         (axes, V, "$V$", units[0], BLUE, 1.3),
-        (twin, H, "$H$", units[1], ORANGE, 1.0),
+        (twin, H, "$H$, dashed", units[1], ORANGE, 1.0),
     ):
-        panel.plot(times, series, color=color, linewidth=width)
+        panel.plot(times, series, linewidth=width, **line(color))
         panel.set_ylabel(name + unit, color=color)
         if not np.isfinite(series).any():
             panel.set_yticks([])

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from typing import Literal
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,11 +13,61 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from swimmer_mj.files import replacing
 
-__all__ = ["BLUE", "COLORS", "GREY", "INK", "ORANGE", "log_axis", "plain_axes", "save_figure"]
+__all__ = [
+    "AMBER",
+    "BLACK",
+    "BLUE",
+    "COLORS",
+    "DASHES",
+    "GREEN",
+    "GREY",
+    "HANDLE",
+    "INK",
+    "ORANGE",
+    "PINK",
+    "SKY",
+    "VIOLET",
+    "line",
+    "log_axis",
+    "nth_line",
+    "plain_axes",
+    "save_figure",
+]
 
 BLUE, ORANGE, INK, GREY = "#0072b2", "#d55e00", "#1a1a1a", "#8c8c8c"
-COLORS = (BLUE, ORANGE, "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000", "#6a3d9a")
+GREEN, PINK, SKY, AMBER, BLACK, VIOLET = "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000", "#6a3d9a"
+COLORS = (BLUE, ORANGE, GREEN, PINK, SKY, AMBER, BLACK, VIOLET)
 """The palette of Okabe and Ito, its yellow replaced: distinct to colour-blind readers and on white paper."""
+
+Dashes = str | tuple[float, tuple[float, ...]]
+DASHES: Mapping[str, Dashes] = MappingProxyType(
+    {
+        BLUE: "-",
+        ORANGE: (0, (4.5, 1.8)),
+        GREEN: (0, (6.4, 1.6, 1.2, 1.6)),
+        PINK: (0, (1.4, 1.3)),
+        SKY: (0, (9, 2)),
+        AMBER: (0, (4.5, 1.3, 1.2, 1.3, 1.2, 1.3)),
+        BLACK: (0, (3, 0.7)),
+        VIOLET: (0, (4.5, 1.3, 4.5, 1.3, 1.2, 1.3)),
+        GREY: (0, (2.2, 1.1)),
+        INK: (0, (5, 3)),
+    }
+)
+"""Of each colour, as most are alike in grey: dashes and gaps, in widths of the line."""
+HANDLE = 3.4
+"""Length of a legend's handles, in letters: more than a period of the longest dashes."""
+
+
+def line(color: str) -> dict[str, Any]:
+    """A colour of the palette and its dashes, as ``Axes.plot`` takes them."""
+    return {"color": color, "linestyle": DASHES[color]}
+
+
+def nth_line(k: int) -> dict[str, Any]:
+    """The ``k``-th of many lines: after the palette its colours again, with dashes of lighter or darker ones."""
+    n = len(COLORS)
+    return {"color": COLORS[k % n], "linestyle": DASHES[COLORS[(k + k // n * (n // 2)) % n]]}
 
 
 def plain_axes(axes: Axes) -> None:

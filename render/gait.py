@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from swimmer_mj import state as st
 from swimmer_mj.render.chain import draw_chain
 from swimmer_mj.render.curves import control_lanes
-from swimmer_mj.render.figures import BLUE, COLORS, INK, ORANGE, plain_axes
+from swimmer_mj.render.figures import BLUE, HANDLE, INK, ORANGE, line, nth_line, plain_axes
 from swimmer_mj.render.strokes import Stroke, joint_angles, last_stroke
 from swimmer_mj.trajectory import Trajectory
 
@@ -60,14 +60,21 @@ def gait_diagram(trajectory: Trajectory) -> Figure:
     angles = joint_angles(trajectory)[0][part]
     angles = np.degrees(angles - 2 * np.pi * np.round(angles[0] / (2 * np.pi)))
     for i in range(n - 1):
-        angle.plot(times, angles[:, i], color=COLORS[i % len(COLORS)], linewidth=1.5, label=f"joint {i + 1}")
+        angle.plot(times, angles[:, i], linewidth=1.5, label=f"joint {i + 1}", **nth_line(i))
     angle.set_ylabel("joint angle  (degrees)")
-    angle.legend(frameon=False, fontsize=9, ncols=min(n - 1, 8), loc="lower left", bbox_to_anchor=(0, 1))
+    angle.legend(
+        frameon=False,
+        fontsize=9,
+        ncols=min(n - 1, 8),
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
+        handlelength=HANDLE,
+    )
 
     speeds = trajectory.speeds()[part]
     speed.plot(times, speeds, color=BLUE, linewidth=1.5)
     mean = float(np.trapezoid(speeds, times) / times[-1])
-    speed.axhline(mean, color=INK, linewidth=1.1, linestyle=(0, (5, 3)), label=f"mean {mean:.2f} m/s")
+    speed.axhline(mean, linewidth=1.1, label=f"mean {mean:.2f} m/s", **line(INK))
     speed.legend(frameon=False, fontsize=9, loc="lower left", bbox_to_anchor=(0, 1))
     speed.set_ylabel("speed along\ntarget  (m/s)")
     speed.set_xlabel("time in the stroke  (s)")

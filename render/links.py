@@ -14,7 +14,7 @@ from swimmer_mj.learning.experiments import value_gradients
 from swimmer_mj.learning.experiments.summaries import peaks
 from swimmer_mj.learning.experiments.tables import LOGS, Path, read_table, rows_where
 from swimmer_mj.render.curves import OPEN_LOOP_SPEED
-from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, plain_axes
+from swimmer_mj.render.figures import BLUE, GREEN, GREY, HANDLE, INK, ORANGE, line, plain_axes
 
 __all__ = ["Known", "best_speeds", "speed_by_links"]
 
@@ -50,10 +50,20 @@ def _best(table: Mapping[str, NDArray]) -> Array:
     return np.array([table["speed"][table["seed"] == seed].max() for seed in np.unique(table["seed"])])
 
 
+def _drawn(place: Mapping[int, float], of: Mapping[int, float], beside: float = 0.0) -> tuple[Array, Array]:
+    """Where values stand, and the values; NaN between numbers of links that do not follow each other."""
+    numbers = np.array([*of])
+    points = np.array([[place[n] + beside for n in of], [*of.values()]])
+    x, y = np.insert(points, np.flatnonzero(np.diff(numbers) > 1) + 1, np.nan, axis=1)
+    return x, y
+
+
 def speed_by_links(
     speeds: Mapping[str, Mapping[int, Array]] | None = None, mark: Known | None = None
 ) -> Figure:
     """Mean over seeds of the best speed, with its 95 % interval, against the number of links.
+
+    Numbers of links stand side by side; lines do not go over those that are left out.
 
     Parameters
     ----------
@@ -66,32 +76,39 @@ def speed_by_links(
     figure = Figure(figsize=(7.2, 4.4), layout="constrained")
     axes = figure.subplots()
     plain_axes(axes)
-    for k, ((label, by_links), color) in enumerate(
-        zip(speeds.items(), (BLUE, COLORS[2], ORANGE), strict=False)
+    shown = {n for by_links in (*speeds.values(), OPEN_LOOP_SPEED) for n in by_links}
+    numbers = sorted(shown | ({mark.links} if mark else set()))
+    place = {n: float(k) for k, n in enumerate(numbers)}
+    for k, ((label, by_links), color, marker) in enumerate(
+        zip(speeds.items(), (BLUE, GREEN, ORANGE), "o^D", strict=False)
     ):
-        numbers = np.array(sorted(by_links)) + 0.06 * (k - 1)  # intervals beside each other
-        found = [mean_and_interval(by_links[n]) for n in sorted(by_links)]
+        beside = 0.06 * (k - 1)
+        found = {n: mean_and_interval(by_links[n]) for n in sorted(by_links)}
         axes.plot(
-            numbers,
-            [mean for mean, _ in found],
-            color=color,
-            marker="o",
-            markersize=5,
+            *_drawn(place, {n: mean for n, (mean, _) in found.items()}, beside),
+            marker=marker,
+            markersize=5.5,
             linewidth=1.5,
             label=label,
+            **line(color),
         )
-        for n, (_, interval) in zip(numbers, found, strict=True):
+        for n, (_, interval) in found.items():
+            x = place[n] + beside
             if known_interval(interval) is not None:
-                axes.plot([n, n], interval, color=color, linewidth=2.2, solid_capstyle="butt")
-        for n, of_seeds in zip(numbers, (by_links[n] for n in sorted(by_links)), strict=True):
-            axes.plot(np.full(len(of_seeds), n), of_seeds, "_", color=GREY, markersize=7, zorder=1.5)
+                axes.plot([x, x], interval, color=color, linewidth=2.2, solid_capstyle="butt")
+            of_seeds = by_links[n]
+            axes.plot(np.full(len(of_seeds), x), of_seeds, "_", color=GREY, markersize=7, zorder=1.5)
     axes.plot(
-        *zip(*OPEN_LOOP_SPEED.items(), strict=True),
-        color=INK, linewidth=1.1, linestyle=(0, (5, 3)), marker="s", markersize=4, label="open-loop wave",
-    )  # fmt: skip
+        *_drawn(place, OPEN_LOOP_SPEED),
+        linewidth=1.1,
+        marker="s",
+        markersize=4,
+        label="open-loop wave",
+        **line(INK),
+    )
     if mark is not None:
         axes.plot(
-            mark.links,
+            place[mark.links],
             mark.speed,
             "*",
             color=INK,
@@ -100,12 +117,11 @@ def speed_by_links(
             label=mark.label,
             zorder=4,
         )
-    numbers = {n for by_links in speeds.values() for n in by_links} | ({mark.links} if mark else set())
-    axes.set_xticks(sorted(numbers))
+    axes.set_xticks(range(len(numbers)), [str(n) for n in numbers])
     axes.set_xlabel("links")
     axes.set_ylabel("swimming speed  (m/s)")
     axes.set_ylim(bottom=min(0.0, mark.speed if mark else 0.0))
     axes.margins(x=0.06)
     axes.set_title("best of each seed (dashes), their mean and its 95 % interval", fontsize=9, loc="left")
-    axes.legend(frameon=False, fontsize=9)
+    axes.legend(frameon=False, fontsize=9, handlelength=HANDLE)
     return figure

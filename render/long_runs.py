@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 
@@ -16,7 +17,8 @@ from swimmer_mj.learning.experiments import what_decides
 from swimmer_mj.learning.experiments.long_runs import ETAS
 from swimmer_mj.learning.experiments.summaries import peaks
 from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where, settings_of
-from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, log_axis, plain_axes
+from swimmer_mj.render.bands import end_key, mark_ends
+from swimmer_mj.render.figures import BLUE, GREY, HANDLE, INK, ORANGE, line, log_axis, plain_axes
 
 __all__ = ["draw_long_runs", "draw_what_decides"]
 
@@ -29,8 +31,8 @@ PRESETS = {
 }
 
 
-def _runs(axes: Axes, table: Table, quantity: str, color: str, label: str) -> None:
-    """Median and interquartile band over seeds, as far as all have come; each seed faint behind."""
+def _runs(axes: Axes, table: Table, quantity: str, color: str, label: str) -> Line2D:
+    """Median, which is returned, and interquartile band over seeds, as far as all have come; each seed faint behind."""
     seeds = np.unique(table["seed"])
     runs = [rows_where(table, seed=float(seed)) for seed in seeds]
     for run in runs:
@@ -39,7 +41,8 @@ def _runs(axes: Axes, table: Table, quantity: str, color: str, label: str) -> No
     low, middle, high = np.quantile([run[quantity][:length] for run in runs], [0.25, 0.5, 0.75], axis=0)
     at = runs[0]["trial"][:length]
     axes.fill_between(at, low, high, color=color, alpha=0.18, linewidth=0)
-    axes.plot(at, middle, color=color, linewidth=1.8, label=f"{label}, {len(seeds)} seeds")
+    (median,) = axes.plot(at, middle, linewidth=1.8, label=f"{label}, {len(seeds)} seeds", **line(color))
+    return median
 
 
 def draw_long_runs(name: str, logs: Logs = LOGS) -> Figure:
@@ -50,15 +53,13 @@ def draw_long_runs(name: str, logs: Logs = LOGS) -> Figure:
     value, hamiltonian, speed, fall = figure.subplots(4, 1, height_ratios=[1, 1, 1.3, 1])
     for axes in (value, hamiltonian, speed, fall):
         plain_axes(axes)
-    for preset in present:
-        color, label = PRESETS[preset]
-        rows = rows_where(table, preset=preset)
-        for axes, quantity in (
-            (value, "mean_value"),
-            (hamiltonian, "mean_squared_hamiltonian"),
-            (speed, "speed"),
-        ):
-            _runs(axes, rows, quantity, color, label)
+    for axes, quantity in (
+        (value, "mean_value"),
+        (hamiltonian, "mean_squared_hamiltonian"),
+        (speed, "speed"),
+    ):
+        medians = [_runs(axes, rows_where(table, preset=one), quantity, *PRESETS[one]) for one in present]
+        mark_ends(axes, medians)
     for axes in (hamiltonian, speed):
         axes.sharex(value)
     for axes in (value, hamiltonian, speed):
@@ -69,12 +70,24 @@ def draw_long_runs(name: str, logs: Logs = LOGS) -> Figure:
     hamiltonian.set_ylabel(r"$\langle H^2 \rangle_S$  (m$^2$/s$^2$)")
     speed.set_ylabel("swimming speed  (m/s)")
     speed.set_xlabel("trials")
-    value.legend(frameon=False, fontsize=9, ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
+    handles, _ = value.get_legend_handles_labels()
+    if len({rows_where(table, preset=one)["trial"].max() for one in present}) > 1:
+        handles.append(end_key("its runs end"))
+    value.legend(
+        handles=handles,
+        frameon=False,
+        fontsize=9,
+        ncols=3,
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
+        handlelength=HANDLE,
+    )
 
     ticks, names = [], []
     x = 0
     for preset in present:
-        color, _ = PRESETS[preset]
+        color, label = PRESETS[preset]
+        first = x
         for run in peaks(table, preset):
             fall.plot([x, x], [run.fell_to, run.fell_from], color=color, linewidth=1.0, alpha=0.6)
             fall.plot(x, run.peak, "o", color=color, markersize=5, label="peak" if x == 0 else None)
@@ -98,9 +111,13 @@ def draw_long_runs(name: str, logs: Logs = LOGS) -> Figure:
             ticks.append(x)
             names.append(str(run.seed))
             x += 1
+        fall.text(
+            (first + x - 1) / 2, -0.2, f"seed, {label}", transform=fall.get_xaxis_transform(), ha="center",
+            va="top",
+        )  # fmt: skip
         x += 1
     fall.set_xticks(ticks, names)
-    fall.set_xlabel("seed")
+    fall.margins(x=0.03)
     fall.set_ylabel("swimming speed  (m/s)")
     fall.set_ylim(bottom=min(0.0, fall.get_ylim()[0]))
     fall.legend(frameon=False, fontsize=9, ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
@@ -124,7 +141,7 @@ def draw_what_decides(logs: Logs = LOGS) -> Figure:
         axes.plot(speeds, np.full(len(speeds), y), "|", color=GREY, markersize=9)
         axes.plot(interval, [y, y], color=color, linewidth=2.2, solid_capstyle="butt")
         axes.plot(mean, y, "o", color=color, markersize=6)
-    axes.axvline(float(np.mean(final[0])), color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
+    axes.axvline(float(np.mean(final[0])), linewidth=0.8, **line(INK))
     axes.set_yticks(range(len(settings)), [f"{factor}: {setting}" for factor, setting in settings])
     axes.set_ylim(len(settings) - 0.4, -0.6)
     seconds = float(table["simulated_seconds"].max())

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, plain_axes
+from swimmer_mj.render.figures import AMBER, BLUE, GREY, INK, plain_axes
 from swimmer_mj.render.strokes import NoStrokeError, joint_angles, last_stroke, steady_part
 from swimmer_mj.trajectory import Trajectory
 
@@ -23,7 +23,7 @@ PANEL = 2.75
 
 
 def phase_portraits(trajectory: Trajectory) -> Figure:
-    """A panel a joint: its angle against its angular velocity, coloured by the sign of its torque.
+    """A panel a joint: its angle against its angular velocity, coloured by the sign of its torque: dark and light.
 
     The steady part of the longest swim in one direction is thin, its last stroke, if one repeats, thick; a dot is where
     both end. Joint i is that between the links i and i + 1; its angle is theta_{i+1} - theta_i, and near 180 degrees
@@ -87,7 +87,7 @@ def _portrait(axes: Axes, points: Array, signs: Array, steps: slice, width: floa
     """The way of the control steps ``steps``, each in the colour of the torque that was held."""
     pieces = np.stack([points[:-1], points[1:]], axis=1)[steps]
     whole = np.abs(np.diff(pieces[..., 0], axis=1))[:, 0] < 180  # none from one edge to the other
-    colors = np.select([signs[steps] > 0, signs[steps] < 0], [BLUE, ORANGE], GREY)[whole]
+    colors = np.select([signs[steps] > 0, signs[steps] < 0], [BLUE, AMBER], GREY)[whole]
     axes.add_collection(
         LineCollection(
             [*pieces[whole]], colors=colors.tolist(), linewidths=width, alpha=alpha, capstyle="round"
@@ -99,7 +99,7 @@ def _key(stroke: bool) -> list[Line2D]:
     """What the colours and marks mean."""
     lines = [
         Line2D([], [], color=BLUE, linewidth=1.9, label="torque $u_i > 0$"),
-        Line2D([], [], color=ORANGE, linewidth=1.9, label="torque $u_i < 0$"),
+        Line2D([], [], color=AMBER, linewidth=1.9, label="torque $u_i < 0$"),
         Line2D([], [], color=INK, marker="o", markersize=4, linestyle="", label="last state"),
     ]
     thick = Line2D([], [], color=GREY, linewidth=1.9, label="thick: last stroke")

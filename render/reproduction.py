@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,8 +26,19 @@ from swimmer_mj.learning.experiments import (
 )
 from swimmer_mj.learning.experiments.tables import LOGS, Path, Table, read_table, rows_where
 from swimmer_mj.render.at_length import draw_linear_swimmer, draw_rates_at_length
-from swimmer_mj.render.bands import NAMES, band, quartiles
-from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, ORANGE, plain_axes
+from swimmer_mj.render.bands import NAMES, band, end_key, mark_ends, quartiles
+from swimmer_mj.render.figures import (
+    BLUE,
+    COLORS,
+    GREEN,
+    GREY,
+    HANDLE,
+    INK,
+    ORANGE,
+    PINK,
+    line,
+    plain_axes,
+)
 from swimmer_mj.render.long_runs import draw_long_runs, draw_what_decides
 from swimmer_mj.render.second_order import draw_section_3_4
 from swimmer_mj.render.value_gradients import draw_ablation, draw_lasting, draw_links
@@ -42,10 +54,31 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Logs = str | os.PathLike[str]
+Below = Literal["outside lower center", "outside lower right"]
 
 
 def _legend_above(axes: Axes, columns: int) -> None:
-    axes.legend(frameon=False, fontsize=9, ncols=columns, loc="lower left", bbox_to_anchor=(0, 1))
+    axes.legend(
+        frameon=False,
+        fontsize=9,
+        ncols=columns,
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
+        handlelength=HANDLE,
+    )
+
+
+def _legend_below(figure: Figure, axes: Axes, where: Below = "outside lower center") -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(
+        handles,
+        labels,
+        frameon=False,
+        fontsize=9,
+        ncols=len(labels),
+        loc=where,
+        handlelength=HANDLE,
+    )
 
 
 def _ticks_at(axes: Axes, places: Sequence[float], labels: Sequence[str]) -> None:
@@ -55,6 +88,9 @@ def _ticks_at(axes: Axes, places: Sequence[float], labels: Sequence[str]) -> Non
 
 
 # Figure 1 --------------------------------------------------------------------------------------------------------
+
+PALE = "#b0b0b0"
+"""Of the many weights beside the few blue ones: grey print tells them apart."""
 
 
 def extreme_weights(table: Table, method: str = "basic") -> tuple[int, int]:
@@ -88,20 +124,21 @@ def draw_figure_1(logs: Logs = LOGS) -> Figure:
     for axes, method in zip(panels[0], figure_1.METHODS, strict=False):
         run = rows_where(table, method=method, quantity="weight")
         weights = _weights(run)
-        axes.plot(
-            run["trial"], weights[:, fast], color=BLUE, linewidth=1.2, label="$w_1$, the noisiest of all"
-        )
-        axes.plot(run["trial"], weights[:, slow], color=ORANGE, linewidth=1.2, label="$w_2$, the least noisy")
+        for k, color, label in (
+            (fast, BLUE, "$w_1$, the noisiest of all"),
+            (slow, ORANGE, "$w_2$, the least noisy"),
+        ):
+            axes.plot(run["trial"], weights[:, k], linewidth=1.4, label=label, **line(color))
         axes.set_title("basic algorithm, one rate" if method == "basic" else r"vario-$\eta$", fontsize=10)
     panels[0, 0].set_ylabel("weight")
-    panels[0, 0].legend(frameon=False, fontsize=9)
+    panels[0, 0].legend(frameon=False, fontsize=9, handlelength=HANDLE)
 
     for method, color in zip(figure_1.METHODS, (GREY, BLUE), strict=True):
         label = "basic" if method == "basic" else r"vario-$\eta$"
         band(panels[0, 2], rows_where(rewards, method=method), "trial", "reward", color, label)
     panels[0, 2].set_title(f"{len(np.unique(rewards['seed']))} seeds, median and quartiles", fontsize=10)
     panels[0, 2].set_ylabel(r"mean reward $\cos\,\theta$")
-    panels[0, 2].legend(frameon=False, fontsize=9, loc="lower right")
+    panels[0, 2].legend(frameon=False, fontsize=9, loc="lower right", handlelength=HANDLE)
 
     for axes, method, quantity in (
         (panels[1, 0], "basic", "noise"),
@@ -113,21 +150,21 @@ def draw_figure_1(logs: Logs = LOGS) -> Figure:
         shown = lines > 0  # the noise is 0 before the first trial
         output = lines.shape[1] - (figure_1.N_HIDDEN + 1)
         for k in range(lines.shape[1]):
-            color, label = (BLUE, "to the output unit") if k >= output else (GREY, "to hidden units")
+            color, label = (BLUE, "to the output unit") if k >= output else (PALE, "to hidden units")
             first = k in (0, output)
             axes.plot(
                 run["trial"][shown[:, k]],
                 lines[shown[:, k], k],
                 color=color,
                 linewidth=0.7,
-                alpha=0.7,
+                alpha=0.8,
                 zorder=2 + (k >= output),
                 label=label if first else None,
             )
         axes.set_yscale("log")
         axes.set_ylabel(r"noise $\sqrt{v_i}$" if quantity == "noise" else r"rate $\eta_i$")
         axes.set_xlabel("trials")
-    _legend_above(panels[1, 0], 2)
+    _legend_below(figure, panels[1, 0])
     figure.align_ylabels()
     return figure
 
@@ -152,11 +189,11 @@ def draw_section_3_3(logs: Logs = LOGS) -> Figure:
             axes.set_yscale("log")
             axes.margins(x=0.08)
             _ticks_at(axes, sizes, [f"{size:g}" for size in sizes])
-        top.plot(sizes, sizes, color=INK, linewidth=1.1, linestyle=(0, (5, 3)), label="ratio = n")
+        top.plot(sizes, sizes, linewidth=1.1, label="ratio = n", **line(INK))
         moments = np.unique(rows["trial"])
-        for k, trial in enumerate(moments):
-            color = COLORS[0] if trial == moments[-1] else str(0.8 - 0.45 * k / len(moments))
-            for scaling, style, marker in ((1, "-", "o"), (0, ":", "s")):
+        for k, trial in enumerate(moments[::-1]):
+            marker, color = "osv^D"[k % 5], str(0.42 + 0.3 * k / len(moments)) if k else BLUE
+            for scaling, style in ((1, "-"), (0, ":")):
                 now = rows_where(rows, trial=trial, output_scaling=scaling)
                 if not now["n"].size:
                     continue
@@ -181,23 +218,23 @@ def draw_section_3_3(logs: Logs = LOGS) -> Figure:
         seeds = len(np.unique(rows["seed"]))
         over = "1 seed" if seeds == 1 else f"{seeds} seeds: median, quartiles"
         top.set_title(f"{NAMES[problem]} ({over})", fontsize=10)
-        top.legend(frameon=False, fontsize=7.5)
-        for name, color, label in (
-            ("from_inputs", COLORS[2], "mean, from inputs and bias"),
-            ("from_neurons", COLORS[3], "mean, from hidden neurons"),
-            ("internal_p95", GREY, "95th percentile of single connections"),
-            ("internal_p05", GREY, "5th percentile"),
+        handles, _ = top.get_legend_handles_labels()
+        top.legend(handles=[handles[0], *handles[:0:-1]], frameon=False, fontsize=7.5, handlelength=HANDLE)
+        for name, color, marker, label in (
+            ("from_inputs", GREEN, "o", "mean, from inputs and bias"),
+            ("from_neurons", PINK, "s", "mean, from hidden neurons"),
+            ("internal_p95", GREY, "^", "95th percentile of single connections"),
+            ("internal_p05", GREY, "v", "5th percentile"),
         ):
             end[name] = end[name] / end["internal_p50"]
             at, low, middle, high = quartiles(end, "n", name)
-            style = "--" if name.startswith("internal") else "-"
-            bottom.plot(at, middle, style, color=color, marker="o", markersize=4, linewidth=1.3, label=label)
+            bottom.plot(at, middle, marker=marker, markersize=4, linewidth=1.3, label=label, **line(color))
             bottom.fill_between(at, low, high, color=color, alpha=0.15, linewidth=0)
         bottom.axhline(1, color=INK, linewidth=0.8)
         bottom.set_xlabel("neurons n")
     panels[0, 0].set_ylabel("$v$ of output connections / internal ones  (means)")
     panels[1, 0].set_ylabel("$v$ of internal connections / their median")
-    _legend_above(panels[1, 0], 2)
+    _legend_below(figure, panels[1, 0])
     figure.align_ylabels()
     return figure
 
@@ -216,7 +253,9 @@ def draw_linear(logs: Logs = LOGS) -> Figure:
     curve, weights, seconds = figure.subplots(1, 3)
     for axes in (curve, weights, seconds):
         plain_axes(axes)
-    for name, color in zip(linear_approximators.APPROXIMATORS, COLORS, strict=False):
+    ends = []
+    for name, color, marker in zip(linear_approximators.APPROXIMATORS, COLORS, "os^", strict=False):
+        look = {"marker": marker, "markersize": 4, **line(color)}
         band(curve, rows_where(learning, approximator=name), "trial", "reward", color, name)
         rows = rows_where(cost, approximator=name)
         links, size, time = rows["links"], rows["weights"], rows["seconds"]
@@ -225,44 +264,45 @@ def draw_linear(logs: Logs = LOGS) -> Figure:
             "radial basis": "radial basis, 5 a variable",
             "tile coding": "8 tilings, 5 tiles a variable",
         }[name]
-        weights.plot(links, size, color=color, marker="o", markersize=4, linewidth=1.5, label=label)
+        weights.plot(links, size, linewidth=1.5, label=label, **look)
         measured = np.isfinite(time)
-        seconds.plot(links[measured], time[measured], color=color, marker="o", markersize=4, linewidth=1.5)
-        if not measured.all() and name == "radial basis":  # tiles look up few of their weights
+        found = seconds.plot(links[measured], time[measured], linewidth=1.5, **look)
+        if name == "tile coding":  # it looks up few of its weights: their number says nothing of its time
+            ends += found
+        elif not measured.all():
             last = np.flatnonzero(measured)[-1]
             beyond = time[last] * (size[last:] / size[last]) * (2 * links[last:] + 2) / (2 * links[last] + 2)
             seconds.plot(
                 links[last:],
                 beyond,
-                color=color,
-                marker="o",
-                markerfacecolor="white",
-                markersize=4,
                 linewidth=1.2,
-                linestyle=":",
+                markerfacecolor="white",
                 label="extrapolated",
+                **(look | {"linestyle": ":"}),
             )
+    mark_ends(seconds, ends)
     for axes in (weights, seconds):
         axes.set_yscale("log")
         axes.set_xlabel("links n  (2n + 2 state variables)")
         axes.margins(x=0.04)
         axes.xaxis.set_major_locator(FixedLocator(np.unique(cost["links"]).tolist()))
     byte = 8
-    weights.axhline(24 * 2**30 / byte, color=GREY, linewidth=1.0, linestyle=(0, (5, 3)))
-    weights.text(2, 1.5 * 24 * 2**30 / byte, "24 GiB", color=GREY, fontsize=8, va="bottom")
-    seconds.axhline(SECONDS_PER_TICK, color=GREY, linewidth=1.0, linestyle=(0, (5, 3)))
-    seconds.text(10, 1.5 * SECONDS_PER_TICK, "real time, dt = 0.01 s", color=GREY, fontsize=8, ha="right")
+    weights.axhline(24 * 2**30 / byte, linewidth=1.0, **line(INK))
+    weights.text(2, 1.5 * 24 * 2**30 / byte, "24 GiB", color=INK, fontsize=8, va="bottom")
+    seconds.axhline(SECONDS_PER_TICK, linewidth=1.0, **line(INK))
+    seconds.text(10, 1.5 * SECONDS_PER_TICK, "real time, dt = 0.01 s", color=INK, fontsize=8, ha="right")
     curve.set_xlabel("trials")
     curve.set_ylabel(r"mean reward $\cos\,\theta$")
     curve.set_title(f"pendulum, {len(np.unique(learning['seed']))} seeds", fontsize=10)
-    curve.legend(frameon=False, fontsize=9, loc="lower right")
+    curve.legend(frameon=False, fontsize=9, loc="lower right", handlelength=HANDLE)
     weights.set_ylabel("weights")
     weights.set_title("swimmer of n links", fontsize=10)
-    weights.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(0, 0.9))
+    weights.legend(frameon=False, fontsize=8, loc="upper left", handlelength=HANDLE)
     seconds.set_ylabel("time of V, dV/dx and control  (s)")
     seconds.set_title("swimmer of n links", fontsize=10)
-    if seconds.get_legend_handles_labels()[1]:
-        seconds.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(0, 0.9))
+    handles, _ = seconds.get_legend_handles_labels()
+    handles.append(end_key("larger tables were not built"))
+    seconds.legend(handles=handles, frameon=False, fontsize=8, loc="upper left", handlelength=HANDLE)
     return figure
 
 
@@ -275,9 +315,10 @@ def draw_hamiltonian(logs: Logs = LOGS) -> Figure:
     table = read_table(Path(logs) / hamiltonians.DT_LOG)
     learning = read_table(Path(logs) / hamiltonians.LEARNING_LOG)
     figure = Figure(figsize=(11.0, 7.0), layout="constrained")
-    grid = figure.add_gridspec(2, 3)
-    top = figure.add_subplot(grid[0, :])
-    by_dt, reward, bias = (figure.add_subplot(grid[1, k]) for k in range(3))
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[1, 1.05])[:, 0]
+    left, right = below.subfigures(1, 2, squeeze=False, width_ratios=[1.05, 1])[0]
+    top, by_dt = above.subplots(), left.subplots()
+    reward, bias = right.subplots(1, 2)
     for axes in (top, by_dt, reward, bias):
         plain_axes(axes)
 
@@ -285,11 +326,18 @@ def draw_hamiltonian(logs: Logs = LOGS) -> Figure:
     top.plot(
         time,
         episode["gradient"],
-        color=ORANGE,
-        linewidth=1.2,
+        linewidth=1.6,
+        zorder=3,  # its dashes let the other be seen
         label=r"$r - s_\gamma V + \partial V/\partial x\cdot f$",
+        **line(ORANGE),
     )
-    top.plot(time, episode["difference"], color=BLUE, linewidth=1.2, label=r"$r - s_\gamma V + \Delta V/dt$")
+    top.plot(
+        time,
+        episode["difference"],
+        linewidth=1.2,
+        label=r"$r - s_\gamma V + \Delta V/dt$",
+        **line(BLUE),
+    )
     switching = episode["switched"] > 0
     top.plot(
         time[switching],
@@ -305,37 +353,35 @@ def draw_hamiltonian(logs: Logs = LOGS) -> Figure:
     top.set_title("swimmer, one episode, dt = 0.01 s", fontsize=10, loc="right")
     _legend_above(top, 3)
 
-    for name, color, style, label in (
-        ("mean_excess_switching", ORANGE, "-", "mean, steps in which a control switches"),
-        ("mean_excess_other", BLUE, "-", "mean, other steps"),
-        ("rms_excess_switching", ORANGE, ":", "rms, steps in which a control switches"),
-        ("rms_excess_other", BLUE, ":", "rms, other steps"),
-        ("rms_unexplained", GREY, "-", "rms of what the second-order term leaves"),
+    by_dt.plot(table["dt"], table["rms_gradient"], linewidth=1.0, label="rms of $H$ itself", **line(INK))
+    for name, color, style, marker, label in (
+        ("rms_excess_switching", ORANGE, ":", "o", "rms, a control switches"),
+        ("rms_excess_other", BLUE, ":", "s", "rms, other steps"),
+        ("mean_excess_switching", ORANGE, "-", "o", "mean, a control switches"),
+        ("mean_excess_other", BLUE, "-", "s", "mean, other steps"),
+        ("rms_unexplained", GREY, "-", "D", "rms of what the second-\norder term leaves"),
     ):
         by_dt.plot(
             table["dt"],
             table[name],
             style,
             color=color,
-            marker="o",
-            markersize=3.5,
+            marker=marker,
+            markersize=4,
             linewidth=1.3,
             label=label,
         )
-    by_dt.plot(
-        table["dt"],
-        table["rms_gradient"],
-        color=INK,
-        linewidth=1.0,
-        linestyle=(0, (5, 3)),
-        label="rms of $H$ itself",
-    )
     by_dt.set_xscale("log")
     by_dt.set_yscale("log")
     by_dt.set_xlabel("dt  (s)")
     by_dt.set_ylabel(r"$H$ by $\partial V/\partial x\cdot f$ less $H$ by $\Delta V/dt$  (m/s)")
-    by_dt.set_ylim(1e-10, None)
-    by_dt.legend(frameon=False, fontsize=7.5, loc="lower right")
+    left.legend(
+        *by_dt.get_legend_handles_labels(),
+        frameon=False,
+        fontsize=8,
+        loc="outside center right",
+        handlelength=HANDLE,
+    )
 
     for form, color in (("gradient", ORANGE), ("difference", BLUE)):
         rows = rows_where(learning, form=form)
@@ -352,9 +398,9 @@ def draw_hamiltonian(logs: Logs = LOGS) -> Figure:
     for axes, label in ((reward, r"mean reward $\cos\,\theta$"), (bias, "bias of V  (s)")):
         axes.set_xlabel("trials")
         axes.set_ylabel(label)
-        axes.set_title(f"pendulum, radial basis, {seeds} seeds", fontsize=10)
+    right.suptitle(f"pendulum, radial basis, {seeds} seeds: median and quartiles", fontsize=10)
     bias.axhline(0, color=INK, linewidth=0.8)
-    reward.legend(frameon=False, fontsize=9, loc="lower right")
+    reward.legend(frameon=False, fontsize=9, loc="lower right", handlelength=HANDLE)
     return figure
 
 
@@ -368,7 +414,7 @@ def draw_value_bias(logs: Logs = LOGS) -> Figure:
     problems = [name for name in NAMES if name in table["problem"]]
     units = {"pendulum": "s", "swim5": "m"}
     count = max(len(np.unique(rows_where(states, problem=name)["trial"])) for name in problems)
-    figure = Figure(figsize=(2.5 * (count + 1.3), 2.9 * len(problems)), layout="constrained")
+    figure = Figure(figsize=(2.5 * (count + 1.3), 2.9 * len(problems) + 0.3), layout="constrained")
     panels = figure.subplots(len(problems), count + 1, squeeze=False, width_ratios=[1] * count + [1.3])
     for row, problem in enumerate(problems):
         unit = units[problem]
@@ -382,7 +428,7 @@ def draw_value_bias(logs: Logs = LOGS) -> Figure:
             now = rows_where(points, trial=trial)
             axes.plot([low, high], [low, high], color=INK, linewidth=0.8)
             axes.plot(
-                now["return"], now["value"], ".", color=BLUE, markersize=3, alpha=0.6, markeredgewidth=0
+                now["return"], now["value"], ".", color=BLUE, markersize=4, alpha=0.7, markeredgewidth=0
             )
             axes.set(xlim=(low - margin, high + margin), ylim=(low - margin, high + margin))
             axes.set_aspect("equal")
@@ -407,7 +453,7 @@ def draw_value_bias(logs: Logs = LOGS) -> Figure:
         summary.set_ylabel(f"$V$ - return  ({unit})")
         seeds = len(np.unique(errors["seed"]))
         summary.set_title(f"{seeds} seeds" + (": median, quartiles" if seeds > 2 else ""), fontsize=9)
-        summary.legend(frameon=False, fontsize=8)
+    _legend_below(figure, panels[0, -1], "outside lower right")
     return figure
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +13,7 @@ from matplotlib.ticker import EngFormatter
 from swimmer_mj.learning.experiments import section_3_4
 from swimmer_mj.learning.experiments.tables import LOGS, Path, Table, read_table, rows_where
 from swimmer_mj.render.bands import NAMES, band, quartiles
-from swimmer_mj.render.figures import BLUE, COLORS, GREY, plain_axes
+from swimmer_mj.render.figures import BLUE, COLORS, GREY, HANDLE, INK, line, plain_axes
 
 __all__ = ["draw_section_3_4"]
 
@@ -25,6 +26,9 @@ METHOD_LABELS = {
     "vario-eta": r"vario-$\eta$",
     "Levenberg-Marquardt": "diagonal Levenberg-Marquardt",
 }
+MEDIAN: dict[str, Any] = {"linewidth": 1.6}
+LOW: dict[str, Any] = {"linewidth": 1.0, "marker": "o", "markersize": 4, "markerfacecolor": "white"}
+"""Of weights: how their median and their 5th percentile are drawn."""
 REWARDS = {"pendulum": r"mean reward $\cos\,\theta$", "swim5": "swimming speed  (m/s)"}
 
 
@@ -32,30 +36,33 @@ def _draw_noise(axes: Axes, table: Table) -> None:
     """Median weight and 5th percentile of v against trials; medians over seeds."""
     for method, color in METHOD_COLORS.items():
         rows = rows_where(table, method=method)
-        for column, style in (("noise_p50", "-"), ("noise_p05", ":")):
+        for column, look in (("noise_p50", MEDIAN), ("noise_p05", LOW)):
             at, low, middle, high = quartiles(rows, "trial", column)
-            axes.plot(at, middle, style, color=color, linewidth=1.6)
-            if style == "-":
+            axes.plot(at, middle, **look, **line(color))
+            if look is MEDIAN:
                 axes.fill_between(at, low, high, color=color, alpha=0.15, linewidth=0)
-    axes.plot([], [], "-", color=GREY, label="median over weights")
-    axes.plot([], [], ":", color=GREY, label="5th percentile")
+    axes.plot([], [], color=INK, label="median over weights", **MEDIAN)
+    axes.plot([], [], color=INK, label="5th percentile", **LOW)
     axes.set_yscale("log")
     axes.set_ylabel("noise $v$")
 
 
 def _draw_weights(axes: Axes, table: Table) -> None:
     """v against h of each weight of one run, at its end."""
-    for output, color, label in ((0, GREY, "to hidden units"), (1, BLUE, "to the output unit")):
+    for output, color, marker, label in (
+        (0, GREY, ".", "to hidden units"),
+        (1, BLUE, "+", "to the output unit"),
+    ):
         points = rows_where(table, output=output)
         seen = (points["curvature"] > 0) & (points["noise"] > 0)
         axes.plot(
             points["curvature"][seen],
             points["noise"][seen],
-            ".",
+            marker,
             color=color,
             markersize=5,
             alpha=0.7,
-            markeredgewidth=0,
+            markeredgewidth=float(marker == "+"),
             label=label,
         )
     axes.set_xscale("log")
@@ -81,7 +88,7 @@ def draw_section_3_4(logs: Logs = LOGS) -> Figure:
             one = rows_where(measured, method=method)
             at, low, middle, high = quartiles(one, "trial", "rank_correlation")
             rank.fill_between(at, low, high, color=color, alpha=0.15, linewidth=0)
-            rank.plot(at, middle, color=color, linewidth=1.6)
+            rank.plot(at, middle, linewidth=1.6, **line(color))
         seeds = len(np.unique(runs["seed"]))
         lost = int(np.sum(rows_where(runs, trial=runs["trial"].max())["diverged"]))
         curve.set_title(
@@ -91,16 +98,17 @@ def draw_section_3_4(logs: Logs = LOGS) -> Figure:
         curve.set_ylabel(REWARDS[problem])
         _draw_noise(over_time, measured)
         _draw_weights(scatter, rows_where(weights, problem=problem))
-        rank.set_ylim(min(0.0, *rank.get_ylim()), 1)
         rank.set_ylabel("rank correlation of $v$ and $h$")
         for axes in (curve, over_time, rank):
             axes.xaxis.set_major_formatter(EngFormatter(sep=""))
             axes.set_xlabel("trials")
         scatter.set_xlabel("Gauss-Newton curvature $h$")
         scatter.set_title(f"{METHOD_LABELS[section_3_4.SHOWN]}, one run, at its end", fontsize=10)
+    for axes in panels[1:, 3]:
+        axes.sharey(panels[0, 3])
     panels[0, 1].legend(frameon=False, fontsize=9)
     panels[0, 2].legend(frameon=False, fontsize=9)
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=4, frameon=False)
+    figure.legend(handles, labels, loc="outside upper left", ncols=4, frameon=False, handlelength=HANDLE)
     figure.align_ylabels()
     return figure

@@ -15,7 +15,7 @@ from swimmer_mj.intervals import mean_and_interval
 from swimmer_mj.learning.experiments import value_gradients
 from swimmer_mj.learning.experiments.summaries import FAST, learners
 from swimmer_mj.learning.experiments.tables import LOGS, read_table, rows_where, settings_of
-from swimmer_mj.render.figures import BLUE, COLORS, GREY, INK, log_axis, plain_axes
+from swimmer_mj.render.figures import BLUE, COLORS, GREY, HANDLE, INK, line, log_axis, nth_line, plain_axes
 
 __all__ = ["draw_ablation", "draw_lasting", "draw_links"]
 
@@ -67,7 +67,7 @@ def draw_ablation(logs: Logs = LOGS) -> Figure:
                 color=INK,
             )
         if y == 0:
-            speed.axvline(float(final.mean()), color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
+            speed.axvline(float(final.mean()), linewidth=0.8, **line(INK))
     speed.set_yticks(
         range(len(settings)),
         [f"{factor}: {setting}" if setting else factor for factor, setting in settings],
@@ -93,30 +93,40 @@ def draw_links(logs: Logs = LOGS) -> Figure:
     curves, best = figure.subplots(1, 2, sharey=True, width_ratios=[1.6, 1])
     for axes in (curves, best):
         plain_axes(axes)
-    for color, n in zip(COLORS, numbers, strict=False):
+    counts = set()
+    for k, (color, n) in enumerate(zip(COLORS, numbers, strict=False)):
         seeds = learners(rows_where(table, setting=float(n)))
         for one in seeds:
             curves.plot(one["simulation_steps"], one["speed"], color=color, linewidth=0.5, alpha=0.35)
         length = min(len(one["speed"]) for one in seeds)
         median = np.median([one["speed"][:length] for one in seeds], axis=0)
-        label = f"{n:.0f} links, {len(seeds)} seeds"
-        curves.plot(seeds[0]["simulation_steps"][:length], median, color=color, linewidth=1.8, label=label)
+        counts.add(len(seeds))
+        at = seeds[0]["simulation_steps"][:length]
+        curves.plot(at, median, linewidth=1.8, label=f"{n:.0f} links", **line(color))
         fastest = np.array([one["speed"].max() for one in seeds])
-        best.plot(np.full(len(fastest), n), fastest, "_", color=GREY, markersize=10)
+        best.plot(np.full(len(fastest), k), fastest, "_", color=GREY, markersize=10)
         mean, interval = mean_and_interval(fastest)
-        best.plot([n, n], interval, color=color, linewidth=2.4, solid_capstyle="butt")
-        best.plot(n, mean, "o", color=color, markersize=6)
+        best.plot([k, k], interval, color=color, linewidth=2.4, solid_capstyle="butt")
+        best.plot(k, mean, "o", color=color, markersize=6)
     curves.set_xscale("log")
     curves.xaxis.set_major_formatter(EngFormatter(sep=""))
     curves.set_xlabel("simulation steps of 0.01 s")
     curves.set_ylabel("swimming speed  (m/s)")
     curves.set_ylim(bottom=0)
-    best.set_xticks(numbers)
+    best.set_xticks(range(len(numbers)), [f"{n:.0f}" for n in numbers])  # side by side: some are left out
     best.margins(x=0.1)
     best.set_xlabel("links")
-    curves.set_title("each seed, and the median (thick)", fontsize=9)
+    curves.set_title(
+        f"{' or '.join(map(str, sorted(counts)))} seeds each, and their median (thick)", fontsize=9
+    )
     best.set_title("best of each seed, mean and 95 % interval", fontsize=9)
-    figure.legend(*curves.get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)
+    figure.legend(
+        *curves.get_legend_handles_labels(),
+        loc="outside upper center",
+        ncols=5,
+        frameon=False,
+        handlelength=HANDLE,
+    )
     return figure
 
 
@@ -129,20 +139,25 @@ def draw_lasting(logs: Logs = LOGS) -> Figure:
         plain_axes(axes)
     chosen = value_gradients.LASTING[0]
     for k, one in enumerate(learners(rows_where(table, factor=chosen.factor, setting=chosen.setting))):
-        color = COLORS[k % len(COLORS)]
-        style = "-" if k < len(COLORS) else (0, (4, 2))
+        style = nth_line(k)
         at, v = one["simulation_steps"], one["speed"]
         peak = int(np.argmax(v))
-        speed.plot(at, v, color=color, linestyle=style, linewidth=0.9, label=f"seed {one['seed'][0]:.0f}")
-        speed.plot(at[peak], v[peak], "o", color=color, markersize=4.5)
+        speed.plot(at, v, linewidth=1.1, label=f"seed {one['seed'][0]:.0f}", **style)
+        speed.plot(at[peak], v[peak], "o", color=style["color"], markersize=4.5)
         best = np.maximum.accumulate(v)
-        share.plot(at, v / np.where(best > 0, best, 1.0), color=color, linestyle=style, linewidth=0.9)
-    share.axhline(0.95, color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
+        share.plot(at, v / np.where(best > 0, best, 1.0), linewidth=1.1, **style)
+    share.axhline(0.95, linewidth=0.8, **line(INK))
     share.set_ylim(top=1.01)
     share.set_ylabel("share of the best so far")
     share.set_xlabel("simulation steps of 0.01 s")
     share.xaxis.set_major_formatter(EngFormatter(sep=""))
     speed.set_ylabel("swimming speed  (m/s)")
-    speed.set_ylim(bottom=0)
-    figure.legend(*speed.get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)
+    speed.set_title("dots: the best of each seed", fontsize=9, loc="right")
+    figure.legend(
+        *speed.get_legend_handles_labels(),
+        loc="outside upper center",
+        ncols=5,
+        frameon=False,
+        handlelength=HANDLE,
+    )
     return figure

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import several_seeds
 
-from swimmer_mj.learning.pretrained import pretrained_directory
+from swimmer_mj.learning.pretrained import load_pretrained
 
 
 @pytest.mark.filterwarnings("default")
@@ -28,7 +28,7 @@ def test_the_one_that_is_left_is_judged_and_not_learned_again(tmp_path, monkeypa
 
 
 def test_a_policy_swims_as_its_evaluation_says_and_slower_against_a_pull():
-    swum = gait_shares.swim(pretrained_directory("swim3-value-gradient"), np.array([0.0, 0.1]), 10.0, 12.0)
+    swum = gait_shares.swim(load_pretrained("swim3-value-gradient").policy, np.array([0.0, 0.1]), 10.0, 12.0)
     assert swum.speed.shape == swum.folded.shape == (2, gait_shares.STARTS)
     free, pulled = swum.speed.mean(axis=1)
     assert free == pytest.approx(1.42, abs=0.1)
@@ -37,7 +37,7 @@ def test_a_policy_swims_as_its_evaluation_says_and_slower_against_a_pull():
 
 def test_who_folds_is_told_from_who_lies_stretched():
     stretched, folded = (
-        gait_shares.swim(pretrained_directory(name), np.zeros(1), 3.0, 3.5).folded.mean()
+        gait_shares.swim(load_pretrained(name).policy, np.zeros(1), 3.0, 3.5).folded.mean()
         for name in ("swim5-joints", "swim5-value-gradient")
     )
     assert stretched < 0.3

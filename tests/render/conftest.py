@@ -1,7 +1,9 @@
+import itertools
 from collections.abc import Callable
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
@@ -10,6 +12,9 @@ from swimmer_mj.analytic import AnalyticSwimmer
 from swimmer_mj.render.figures import save_figure
 from swimmer_mj.state import expand
 from swimmer_mj.trajectory import Trajectory
+
+APART = 15.0
+"""Two greys that differ by so much in L* are told apart."""
 
 
 @pytest.fixture(scope="session")
@@ -93,3 +98,38 @@ def check_whole(tmp_path) -> Callable[[Figure], None]:
         np.testing.assert_array_equal(edges, 1.0)
 
     return check
+
+
+@pytest.fixture(scope="session")
+def lightness() -> Callable[[str], float]:
+    """L* of CIELAB, 0 to 100: what grey print leaves of a colour."""
+
+    def lightness(color):
+        rgb = np.array(to_rgb(color))
+        linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+        Y = float(linear @ [0.2126, 0.7152, 0.0722])
+        return 116 * Y ** (1 / 3) - 16 if Y > (6 / 29) ** 3 else 24389 / 27 * Y
+
+    return lightness
+
+
+@pytest.fixture(scope="session")
+def check_apart(lightness) -> Callable[[Figure], None]:
+    """Any two lines of a panel that are named differ in grey print: in dashes, marks or lightness."""
+
+    def check(figure: Figure) -> None:
+        for axes in figure.axes:
+            named = [line for line in axes.lines if not str(line.get_label()).startswith("_")]
+            for one, other in itertools.combinations(named, 2):
+                shapes = [shape(line) for line in (one, other)]
+                light = [lightness(line.get_color()) for line in (one, other)]
+                names = one.get_label(), other.get_label()
+                assert shapes[0] != shapes[1] or abs(light[0] - light[1]) >= APART, names
+
+    return check
+
+
+def shape(line):
+    """Dashes, all of which matplotlib's get_linestyle calls "--", and mark of a line."""
+    mark = line.get_marker()
+    return line.get_linestyle(), line._unscaled_dash_pattern, None if mark in ("", "None") else mark

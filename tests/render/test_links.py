@@ -17,20 +17,22 @@ def test_the_best_speeds_of_the_logs():
     }
 
 
-def test_means_intervals_and_the_swimmer_that_is_compared(check_whole):
+def test_means_intervals_and_the_swimmer_that_is_compared(check_whole, check_apart):
     speeds = {"one": {3: np.array([1.0, 1.2]), 5: np.array([2.0])}, "two": {4: np.array([0.5, 0.7, 0.9])}}
     figure = speed_by_links(speeds, Known("mine", 6, 1.7))
     axes = figure.axes[0]
     lines = {line.get_label(): line for line in axes.lines}
-    np.testing.assert_allclose(lines["one"].get_ydata(), [1.1, 2.0])
-    np.testing.assert_allclose(lines["one"].get_xdata().round(), [3, 5])
+    np.testing.assert_allclose(lines["one"].get_ydata(), [1.1, np.nan, 2.0])  # there is none of 4 links
+    np.testing.assert_allclose(lines["one"].get_xdata().round(), [0, np.nan, 2])
     np.testing.assert_allclose(lines["two"].get_ydata(), [0.7])
-    np.testing.assert_array_equal(lines["mine"].get_xydata(), [[6, 1.7]])
+    np.testing.assert_array_equal(lines["mine"].get_xydata(), [[3, 1.7]])
     np.testing.assert_array_equal(lines["open-loop wave"].get_ydata(), list(OPEN_LOOP_SPEED.values()))
-    assert axes.get_xticks().tolist() == [3, 4, 5, 6]
+    assert axes.get_xticks().tolist() == [0, 1, 2, 3]
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["3", "4", "5", "6"]
     intervals = [line.get_ydata() for line in axes.lines if line.get_linewidth() == 2.2]
     assert len(intervals) == 2, "of a single seed none"
     assert [np.mean(ends) for ends in intervals] == [np.mean([1.0, 1.2]), 0.7] or np.allclose(
         [np.mean(ends) for ends in intervals], [1.1, 0.7]
     )
     check_whole(figure)
+    check_apart(figure)

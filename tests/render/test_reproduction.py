@@ -35,8 +35,10 @@ def test_each_experiment_has_its_figure():
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_is_drawn_whole(name, check_whole):
-    check_whole(FIGURES[name](LOGS))
+def test_is_drawn_whole_and_can_be_read_in_grey(name, check_whole, check_apart):
+    figure = FIGURES[name](LOGS)
+    check_whole(figure)
+    check_apart(figure)
 
 
 def test_figures_read_the_directory_that_they_are_given(tmp_path):

@@ -66,7 +66,8 @@ def test_links_shows_the_best_of_each_seed(tmp_path, check_whole):
     figure = draw_links(tmp_path)
     _, best = figure.axes
     means = [line.get_xydata()[0].tolist() for line in best.lines if line.get_marker() == "o"]
-    assert np.array(means) == pytest.approx(np.array([[3, 0.8], [10, 2.5]]))
+    assert np.array(means) == pytest.approx(np.array([[0, 0.8], [1, 2.5]]))
+    assert [label.get_text() for label in best.get_xticklabels()] == ["3", "10"]
     check_whole(figure)
 
 
