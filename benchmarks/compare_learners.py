@@ -63,11 +63,10 @@ def read(paths: Sequence[Path]) -> dict[str, list[Curve]]:
     """The curves of each algorithm, seed by seed."""
     rows: dict[tuple[str, int], list[tuple[float, float, float]]] = defaultdict(list)
     for path in paths:
-        if path.exists():
-            with path.open(newline="") as file:
-                for row in csv.DictReader(file):
-                    look = float(row["cpu_seconds"]), float(row["simulation_steps"]), float(row["speed"])
-                    rows[row["algorithm"], int(row["seed"])].append(look)
+        with path.open(newline="") as file:
+            for row in csv.DictReader(file):
+                look = float(row["cpu_seconds"]), float(row["simulation_steps"]), float(row["speed"])
+                rows[row["algorithm"], int(row["seed"])].append(look)
     curves: dict[str, list[Curve]] = {name: [] for name in NAMES if any(name == key for key, _ in rows)}
     for (name, _), looks in sorted(rows.items()):
         curves[name].append(Curve(*np.array(looks).T))
@@ -228,9 +227,10 @@ def main(results: Sequence[Path] = RESULTS, picture: Path | None = PLOT) -> None
         results: CSV files of looks at learners.
         picture: Where to draw them; None for nowhere.
     """
+    missing = [str(path) for path in results if not path.exists()]
+    if missing:
+        raise SystemExit(f"there is no {', '.join(missing)}; run own_learners.py and peers_sb3.py first")
     curves = read(results)
-    if not curves:
-        raise SystemExit(f"there are no results in {', '.join(map(str, results))}; run own_learners.py first")
     print_tables(curves, Console(width=150))
     if picture is not None:
         save_figure(draw(curves), picture)

@@ -171,6 +171,7 @@ def test_the_paper_map_has_a_function_and_a_test_in_each_row():
     assert {*MAP} - {*NAMES, *TESTS} == {"swimmer_mj", "pytest"}
     for row in rows:
         assert {*code_spans(row)} & {*NAMES}, row
+        assert {*code_spans(row)} & {*TESTS}, row
 
 
 # Commands

@@ -21,7 +21,13 @@ from swimmer_mj.learning.runs import together
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint
 from swimmer_mj.learning.runs.config import RunConfig, read_config
 from swimmer_mj.learning.runs.lock import RunInUseError
-from swimmer_mj.learning.runs.run import Metrics, TrainingRun, load_policy
+from swimmer_mj.learning.runs.run import (
+    Metrics,
+    TrainingRun,
+    evaluation_sample,
+    evaluation_starts,
+    load_policy,
+)
 from swimmer_mj.learning.runs.together import Pack, train_together
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.td.method import TDLearning, TemporalDifferences
@@ -770,3 +776,19 @@ def test_a_device_that_is_not_there_is_refused_before_anything_is_written(tmp_pa
     with pytest.raises(ValueError, match="torch finds no CUDA device here; learn with device 'cpu'"):
         TrainingRun(tmp_path / "run", config)
     assert not (tmp_path / "run").exists()
+
+
+def test_an_evaluation_is_of_the_policy(tmp_path):
+    """Means of V and H^2 over the sample of figure 2, and of the reward of the policy's episodes."""
+    run = TrainingRun(tmp_path / "run", SMALL)
+    run.learning.learn(20)
+    metrics = run.evaluate(3.0)
+    states = evaluation_sample(run.problem)
+    judged = GreedyPolicy(run.problem, run.learning.network).judge(states)
+    assert len(states) == 1000
+    assert metrics.mean_value == pytest.approx(judged.value.mean(), rel=1e-6)
+    assert metrics.mean_squared_hamiltonian == pytest.approx((judged.hamiltonian**2).mean(), rel=1e-6)
+    rollout = run.learning.rewards(evaluation_starts(run.problem), 20.0, 10.0)
+    assert metrics.speed == rollout.mean()
+    assert (metrics.trial, metrics.seconds) == (run.trial, 3.0)
+    assert abs(metrics.mean_value) > 1e-4, "it has learned something to be judged"

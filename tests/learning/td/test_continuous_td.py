@@ -19,6 +19,7 @@ from swimmer_mj.learning.td.continuous_td import (
     value_and_gradients,
     weight_derivative,
 )
+from swimmer_mj.learning.td.method import PAPER_NEURONS, TemporalDifferences
 from swimmer_mj.learning.td.vario_eta import VarioEta
 
 
@@ -126,6 +127,21 @@ def test_greedy_control_of_a_batch_and_of_no_preference():
     u = greedy_control(B, dVdx, np.array([1.0, 3.0]))
     assert all((u[k] == greedy_control(B[k], dVdx[k], np.array([1.0, 3.0]))).all() for k in range(7))
     assert (greedy_control(B, 0 * dVdx, np.array([1.0, 3.0])) == 0).all()
+
+
+def test_defaults_are_the_papers():
+    """Section 4: 60 neurons, eta 0.01, steps of 0.01 s, trials of 5 s, a rate of the output unit of its own."""
+    settings, method = TDSettings(), TemporalDifferences()
+    assert (settings.eta, settings.dt, settings.trial_duration, settings.output_scaling) == (
+        0.01,
+        0.01,
+        5.0,
+        True,
+    )
+    assert settings.steps_per_trial == 500
+    network = method.network(Swimming(), 0)
+    assert method.neurons == PAPER_NEURONS == network.n_neurons == 60
+    assert network.n_inputs == 17  # here: cosines and sines; the paper's 12 are the state itself
 
 
 def test_trace_of_a_constant_gradient():
