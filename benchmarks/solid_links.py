@@ -118,7 +118,6 @@ def swim(links: Links, act: Callable[[Starts], Array]) -> tuple[float, float]:
 def learn(links: Links, seed: int, seconds: float, console: Console) -> list[Row]:
     """A row for each model in which the learned policy swims."""
     own = problem(links)
-    console.print(own.caution() or "smooth everywhere")
     generator = torch.Generator().manual_seed(seed)
     network = Multilayer(own.n_inputs, (64, 64), generator=generator, dtype=torch.float32)
     settings = ValueGradientSettings(trajectories=256, minibatch=256)

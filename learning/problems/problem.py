@@ -49,7 +49,11 @@ SETTLING_TIME = 10.0
 
 
 class ControlProblem(Protocol):
-    """A task in continuous time and space. Functions of x accept leading batch axes."""
+    """A task in continuous time and space. Functions of x accept leading batch axes.
+
+    A problem may also have ``caution()``: one line that says why to learn it with care, or None. A learner warns with
+    it when it is made (:mod:`~swimmer_mj.learning.problems.caution`).
+    """
 
     @property
     def name(self) -> str:

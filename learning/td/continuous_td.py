@@ -29,6 +29,7 @@ from torch import Tensor
 from swimmer_mj.learning.networks.actors import actor_for
 from swimmer_mj.learning.networks.networks import ValueNetwork
 from swimmer_mj.learning.networks.policy import GreedyPolicy, decision, hamiltonian
+from swimmer_mj.learning.problems.caution import warn_of
 from swimmer_mj.learning.problems.forms import HoldForm, Moment
 from swimmer_mj.learning.problems.problem import ControlProblem
 from swimmer_mj.learning.problems.settings import require_not_negative, require_positive
@@ -129,6 +130,7 @@ class ContinuousTD:
     def __init__(
         self, problem: ControlProblem, network: ValueNetwork, settings: TDSettings | None = None
     ) -> None:
+        warn_of(problem)
         self.problem = problem
         self.network = network
         self.settings = settings = TDSettings() if settings is None else settings

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.learning.networks.networks import ValueNetwork
 from swimmer_mj.learning.networks.policy import GreedyPolicy
+from swimmer_mj.learning.problems.caution import warn_of
 from swimmer_mj.learning.problems.problem import ControlProblem, as_states, episode_shares, require_euler
 from swimmer_mj.learning.value_gradient.engines import engine_for
 from swimmer_mj.learning.value_gradient.equations import weight_of_round
@@ -73,6 +74,7 @@ class ValueGradientLearner(Generic[Network]):
         if network.n_inputs != problem.n_inputs:
             raise ValueError(f"{problem.name} has {problem.n_inputs} inputs, the network {network.n_inputs}")
         require_euler(problem)
+        warn_of(problem)
         self._engine = engine_for(problem, network, settings, engine)
         self.engine = self._engine.name
 

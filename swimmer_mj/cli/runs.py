@@ -38,14 +38,15 @@ def evaluate(
     """How good is what a run has learned, and how far is V from the returns it predicts.
 
     A swimmer's swimming speed, in dm_control on MuJoCo, and beside it its steady speed (from 30 to 60 s), the speed of
-    its first 5 s, and the discounted return of equation 1; of another problem, the mean reward rate over the last 10
-    of 20 s.
+    its first 5 s, and the discounted return of equation 1. Of a task of dm_control or Gymnasium, the return of its
+    episodes, the sum of its own rewards, in the environment as it is. Of another problem, the mean reward rate of its
+    episodes, over the last 10 of 20 s if it does not say otherwise.
 
     Args:
         run: Run directory; with several seeds in it, each is evaluated and the interval is over seeds. Or the name of
             a pretrained policy, such as swim5-paper.
         which: The weights that were best while training, or the last.
-        episodes: How many episodes; 64 by the definition of swimming speed.
+        episodes: How many episodes; 64 by the definition of swimming speed. A task's are those of the seeds 0, 1, ..
         trust: Modules of one's own that may run when the run names them (docs/extending.md).
         json: Print one JSON object.
     """

@@ -15,7 +15,7 @@ from tyro.conf import Positional
 from swimmer_mj.cli.options import check_directory, trust_modules
 from swimmer_mj.cli.output import make_console, print_json, print_line
 from swimmer_mj.cli.signals import StoppedError, asked_to_stop
-from swimmer_mj.cli.training import OPTIONS, changed, configured, parse_seeds, train
+from swimmer_mj.cli.training import OPTIONS, changed, configured, parse_seeds, train, without_warnings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,6 +31,7 @@ MOST_JOBS = 10_000
 KEYS = ("problem", "method", "trials", "seeds", "evaluate_every", "set", "grid", "random")
 
 
+@without_warnings()
 def sweep(
     file: Positional[Path],
     out: Path,
@@ -65,6 +66,7 @@ def sweep(
 
     import torch
 
+    from swimmer_mj.learning.problems.caution import caution_of
     from swimmer_mj.learning.runs.sweep import as_they_began, rows_of, run_jobs, write_rows
 
     if part is not None:
@@ -72,6 +74,9 @@ def sweep(
 
     torch.set_num_threads(1)  # the learners are the parallelism
     console = make_console(json)
+    said = (caution_of(job.config.problem) for job in jobs)
+    for line in dict.fromkeys(line for line in said if line is not None):
+        print_line(console, line)
 
     def report(news: News) -> None:
         if news.warning is not None:

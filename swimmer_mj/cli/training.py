@@ -9,7 +9,8 @@ import json as json_module
 import math
 import re
 import shlex
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -25,19 +26,40 @@ from swimmer_mj.cli.signals import StoppedError, asked_to_stop
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from swimmer_mj.learning.problems.problem import ControlProblem
     from swimmer_mj.learning.runs.config import RunConfig
     from swimmer_mj.learning.runs.run import TrainingRun
     from swimmer_mj.learning.runs.together import Report
 
-__all__ = ["OPTIONS", "changed", "configured", "own_modules", "parse_seeds", "train", "train_runs"]
+__all__ = [
+    "OPTIONS",
+    "changed",
+    "configured",
+    "own_modules",
+    "parse_seeds",
+    "train",
+    "train_runs",
+    "without_warnings",
+]
 
 OPTIONS = (
-    "links", "reward", "physics", "coordinates", "held", "engine", "neurons", "eta", "s_gamma", "s_lambda", "vario_eta",
-    "dtype", "device",
+    "links", "reward", "control_timestep", "physics", "coordinates", "held", "engine", "neurons", "eta", "s_gamma",
+    "s_lambda", "vario_eta", "dtype", "device",
 )  # fmt: skip
 """Those of the options of :func:`train` that belong to a problem or a method."""
 
 
+@contextlib.contextmanager
+def without_warnings() -> Iterator[None]:
+    """In a block or a function: no learner warns of what the command prints itself."""
+    from swimmer_mj.learning.problems.caution import CautionWarning
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CautionWarning)
+        yield
+
+
+@without_warnings()
 def train(
     out: Path,
     method: str = "td",
@@ -49,6 +71,7 @@ def train(
     resume: bool = False,
     problem: str = "swim",
     reward: str | None = None,
+    control_timestep: float | None = None,
     physics: Literal["analytic", "mujoco"] | None = None,
     coordinates: Literal["links", "joints"] | None = None,
     held: bool = False,
@@ -85,6 +108,8 @@ def train(
             of one's own, FILE.xml, with --reward (docs/any-model.md). Another problem is module:Problem
             (docs/extending.md).
         reward: Of a MuJoCo model: module:function, a torch function of named things.
+        control_timestep: Of FILE.xml: for how long a control is held, s; a whole number of the model's own time steps,
+            one by default. The learner's step dt is as long, unless --set dt=.. says otherwise.
         physics: Step the equations themselves (the default), or the dm_control environment on MuJoCo (slower).
         coordinates: Of the swimmer, in which V is learned: absolute angles and the centre's velocity (the default), or
             angles between links and the head's velocity, which with --held swims faster (docs/beyond.md).
@@ -138,6 +163,7 @@ def train(
             f"--resume goes on with the run's own configuration: leave out {', '.join(sorted(superfluous))}"
         )
 
+    from swimmer_mj.learning.problems.caution import caution_of
     from swimmer_mj.learning.runs.config import CONFIG
     from swimmer_mj.learning.runs.events import require_writer
     from swimmer_mj.learning.runs.halving import train_halving
@@ -152,6 +178,7 @@ def train(
         options: dict[str, Any] = {
             "links": links,
             "reward": reward,
+            "control_timestep": control_timestep,
             "physics": physics,
             "coordinates": coordinates,
             "held": held or None,
@@ -185,9 +212,10 @@ def train(
     if trials is None and seconds is None:
         trials = 100_000
     console = make_console(json)
-    caution = getattr(runs[0].problem, "caution", None)
-    if caution is not None and not resume and (line := caution()):
-        print_line(console, line)
+    if not resume:
+        for line in (caution_of(runs[0].problem), _hint(runs[0].problem, method)):
+            if line is not None:
+                print_line(console, line)
     advance = partial(train_runs, console, on_divergence=on_divergence, tensorboard=tensorboard)
     fastest: dict[str, str] = {}
     if halve and seconds is not None:
@@ -213,6 +241,21 @@ def train(
     ]
     if json:
         print_json({"runs": results, **fastest})
+
+
+def _hint(problem: ControlProblem, method: str) -> str | None:
+    """A line, if td has only its reference for ``problem``, and value gradients are compiled."""
+    from swimmer_mj.learning.problems.forms import BatchForm, TrialsForm
+    from swimmer_mj.learning.td.fused import obstacle
+
+    if method != "td" or obstacle(problem) is None or problem.form(TrialsForm) is not None:
+        return None
+    if problem.form(BatchForm) is None:
+        return None
+    return (
+        f"method td learns {problem.name} by its readable reference, which is slow; the fast one for it is "
+        "--method value-gradient"
+    )
 
 
 def _typed(values: dict[str, Any]) -> set[str]:

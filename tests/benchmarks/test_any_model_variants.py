@@ -4,10 +4,12 @@ import csv
 
 import any_model_variants as variants
 import model_tables
+import pytest
 
 TASK = "gymnasium/InvertedPendulum-v5"
 
 
+@pytest.mark.filterwarnings("ignore::swimmer_mj.learning.problems.caution.CautionWarning")
 def test_each_variant_is_learned_once_with_its_settings(tmp_path, monkeypatch):
     out = tmp_path / "any-model-variants.csv"
     monkeypatch.setattr(variants, "VARIANTS", {TASK: (0.2, ("", "trajectories=224 steps=3"))})

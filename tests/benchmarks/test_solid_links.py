@@ -19,6 +19,7 @@ def test_initial_states_are_those_in_which_no_links_touch():
     assert not solid_links.touching(solid, np.full(7, 0.1) + once_around)
 
 
+@pytest.mark.filterwarnings("ignore::swimmer_mj.learning.problems.caution.CautionWarning")
 def test_each_learner_swims_in_both_models_once(tmp_path, monkeypatch):
     monkeypatch.setattr(solid_links, "SPEED", (0.1, 0.3))
     monkeypatch.setattr(solid_links, "EPISODES", 2)

@@ -36,7 +36,10 @@ def actuation(model: Any, control_limits: Sequence[float] | None = None) -> Actu
         raise ValueError(f"control_limits must be one for each of {q} controls, got {count}")
     for k in range(model.nu):
         if not _disabled(model, k) and (obstacle := _obstacle(model, k)):
-            raise ValueError(f"{actuator_name(model, k)!r} {obstacle}: its force is not affine in ctrl")
+            raise ValueError(
+                f"{actuator_name(model, k)!r} {obstacle}: its force is not affine in ctrl; leave that out, or take a "
+                "motor, position, velocity or general actuator without it"
+            )
     for j in range(model.njnt):
         if model.jnt_actfrclimited[j]:
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, j)
@@ -85,6 +88,8 @@ def _obstacle(model: Any, k: int) -> str | None:
         return f"has a bias of type {of_bias.name}"
     if of_dyn not in (dyn.mjDYN_NONE, dyn.mjDYN_INTEGRATOR, dyn.mjDYN_FILTER, dyn.mjDYN_FILTEREXACT):
         return f"has an activation of type {of_dyn.name}"
+    if model.actuator_actlimited[k]:  # an activation at its end does not follow ctrl
+        return "has an actrange"
     if model.actuator_forcelimited[k]:
         return "has a forcerange"
     if model.actuator_delay[k] > 0 or np.any(model.actuator_history[k]):

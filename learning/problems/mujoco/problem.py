@@ -5,7 +5,8 @@ Give a model, a reward as a torch function of named things, and learn::
     problem = MujocoProblem("arm.xml", lambda scene: -scene.site("hand").norm(dim=1))
 
 The model must be smooth: what contacts, friction and joint limits do is computed, but its derivatives jump where a
-constraint becomes active. :meth:`MujocoProblem.caution` says at which share of states one is.
+constraint becomes active, and the control matrix leaves constraints out, equality constraints too.
+:meth:`MujocoProblem.caution` says at which share of states one is active, and learners warn with it.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -57,6 +58,7 @@ from swimmer_mj.learning.problems.mujoco.starts import (
     Starts,
     anywhere,
     drawn,
+    held_for,
     load_model,
     states,
 )
@@ -82,8 +84,11 @@ class MujocoProblem:
 
     Parameters
     ----------
-    model : MjModel, MjSpec, str or path
-        The model, its specification, its XML, or its file. What is done to it later has no effect.
+    model : MjModel, MjSpec, str, path or environment
+        The model, its specification, its XML, or its file. Or where it is: an environment of dm_control
+        (``suite.load(..)``), its Physics, or a MuJoCo environment of Gymnasium (``gymnasium.make("Swimmer-v5")``, also
+        wrapped); the model and the control step are taken from it, nothing else. What is done to it later has no
+        effect.
     reward_rate : callable
         r of a :class:`~swimmer_mj.learning.problems.mujoco.readings.Scene`, shape (N,), in torch; per second.
     control_cost : callable or sequence of float, optional
@@ -98,7 +103,8 @@ class MujocoProblem:
     s_gamma : float
         Shortness factor, 1/s.
     control_timestep : float, optional
-        For how long a control is held when the policy acts, s; the model's own time step by default.
+        For how long a control is held when the policy acts, s; by default the environment's, or the model's own time
+        step.
     without : sequence of str, optional
         Joints whose positions nothing depends on; None finds them.
     inputs : mapping, optional
@@ -137,8 +143,9 @@ class MujocoProblem:
         if threads is not None and threads < 1:
             raise ValueError(f"threads must be at least 1, got {threads!r}")
         self.name, self.s_gamma = name, s_gamma
-        self.model = model = own_model(load_model(model))
-        self.control_timestep = model.opt.timestep if control_timestep is None else control_timestep
+        source, self.model = model, own_model(load_model(model))
+        model = self.model
+        self.control_timestep = held_for(source, model) if control_timestep is None else control_timestep
         require_whole_steps(self.control_timestep, float(model.opt.timestep))
         self._actuation = actuation(model, control_limits)
         self.control_limits = self._actuation.limits
@@ -167,6 +174,7 @@ class MujocoProblem:
             seen = seen[:, kept]
         self.layout = self.layout._replace(angle=turning(self.layout, self._same, seen))
         self.heading = self._idle_heading(seen)
+        self._constrained = self._share_of_constrained(seen)
         self.encoding = self._encoding({} if inputs is None else inputs, seen)
         self.n_inputs = 2 * len(self.encoding.angle) + len(self.encoding.linear)
 
@@ -243,7 +251,12 @@ class MujocoProblem:
         return x
 
     def drift_and_control_matrix(self, x: Array) -> tuple[Array, Array]:
-        """a(x), shape (..., p), with the controls in the middle of their ranges, and B(x), shape (..., p, q)."""
+        """a(x), shape (..., p), with the controls in the middle of their ranges, and B(x), shape (..., p, q).
+
+        Constraints act in a, and not in B, which is what controls do to the unconstrained model: where one is active
+        (an equality between joints always is), a + B u is not MuJoCo's acceleration. :meth:`step` has them in all of
+        it, and so has the choice of a control that is held.
+        """
         x = self._checked(x)
         p, q = self.state_size, len(self.control_limits)
         a, B = self._single.drift_and_control_matrix(np.ascontiguousarray(x.reshape(-1, p)))
@@ -403,19 +416,20 @@ class MujocoProblem:
                 return found
         return None
 
-    def constrained_share(self) -> float:
-        """The share of states, drawn and reached by random controls, at which a constraint is active."""
-        seen = self._seen()
-        data = mujoco.MjData(self.model)
-        active = 0
+    def _share_of_constrained(self, seen: Array) -> float:
+        data, active = mujoco.MjData(self.model), 0
         for x in seen:
             self.place(data, x)
             mujoco.mj_forward(self.model, data)
             active += data.nefc > 0
         return active / len(seen)
 
+    def constrained_share(self) -> float:
+        """The share of states, drawn and reached by random controls, at which a constraint is active."""
+        return self._constrained
+
     def caution(self) -> str | None:
-        """One line, if a constraint is active at some of the states seen; None if none is."""
+        """One line, if a constraint is active at some of the states seen; None if none is. Learners warn with it."""
         share = self.constrained_share()
         if share == 0:
             return None

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from swimmer_mj.learning.problems.mujoco.coordinates import Coordinates
 
-__all__ = ["Draw", "Starts", "anywhere", "drawn", "is_file", "load_model", "states"]
+__all__ = ["Draw", "Starts", "anywhere", "drawn", "held_for", "is_file", "load_model", "states"]
 
 Array = NDArray[np.float64]
 
@@ -42,14 +42,34 @@ def is_file(name: str) -> bool:
     return name.lower().endswith(".xml")
 
 
+def _model_in(source: Any) -> Any:
+    """The MjModel in what dm_control and Gymnasium make, by what it is called there; else ``source`` itself."""
+    inner = getattr(source, "unwrapped", source)
+    for name in ("physics", "model", "ptr"):
+        inner = getattr(inner, name, inner)
+    return inner if isinstance(inner, mujoco.MjModel) else source
+
+
+def held_for(source: Any, model: Any) -> float:
+    """For how long the environment ``source`` holds a control, s; of anything else, the time step of its ``model``."""
+    environment: Any = getattr(source, "unwrapped", source)
+    if hasattr(environment, "control_timestep"):
+        return float(environment.control_timestep())
+    return float(getattr(environment, "dt", model.opt.timestep * getattr(environment, "frame_skip", 1)))
+
+
 def load_model(source: Any) -> Any:
-    """The model of an MjModel, also as dm_control wraps it, an MjSpec, an XML string, or the path of an XML file."""
-    source = getattr(source, "ptr", source)
+    """The model of an MjModel, an MjSpec, an XML string, or the path of an XML file; or in an environment or a Physics.
+
+    An environment is dm_control's or one of Gymnasium's on MuJoCo, also wrapped; dm_control's own MjModel is taken too.
+    """
+    source = _model_in(source)
     if isinstance(source, mujoco.MjModel):
         return source
     if not isinstance(source, str | os.PathLike | mujoco.MjSpec):
         raise ValueError(
-            f"the model must be an MjModel, an MjSpec, XML or a path, got {type(source).__name__}"
+            "the model must be an MjModel, an MjSpec, XML, a path, an environment or a Physics of dm_control, or a "
+            f"MuJoCo environment of Gymnasium, got {type(getattr(source, 'unwrapped', source)).__name__}"
         )
     try:
         if isinstance(source, mujoco.MjSpec):

@@ -81,11 +81,19 @@ class MujocoTask:
     """All cores by default; what is learned does not depend on it."""
     digest: str = ""
     """Of the MJCF file that was learned from; filled in, and held against the file when a run is read."""
+    control_timestep: float | None = None
+    """Of an MJCF file: for how long a control is held, s, a whole number of the model's own time steps; None: one of
+    them. An environment has its own."""
 
     def __post_init__(self) -> None:
         if self._is_file:
             self._keep_digest()
-        self._first  # noqa: B018 - an environment that does not exist is refused first
+        first = self._first  # an environment that does not exist is refused first
+        if first is not None and self.control_timestep is not None:
+            raise ValueError(
+                f"{self.environment} holds a control for {first.control_timestep:g} s, and control_timestep is for a "
+                f"model of one's own, FILE.xml; got {self.control_timestep!r}: leave it out"
+            )
         if math.isnan(self.s_gamma):
             object.__setattr__(self, "s_gamma", self.task.s_gamma)
         self.problem  # noqa: B018 - what cannot be learned is refused now
@@ -102,7 +110,11 @@ class MujocoTask:
 
     @classmethod
     def from_options(
-        cls, environment: str = "", reward: str | None = None, s_gamma: float = math.nan
+        cls,
+        environment: str = "",
+        reward: str | None = None,
+        s_gamma: float = math.nan,
+        control_timestep: float | None = None,
     ) -> Self:
         """The problem by the options of the command line."""
         if not environment:
@@ -113,7 +125,7 @@ class MujocoTask:
             import_own(reward.partition(":")[0], f"--reward {reward!r}")
         if is_file(environment):
             environment = os.fspath(Path(environment).resolve())
-        return cls(environment, reward, s_gamma=s_gamma)
+        return cls(environment, reward, s_gamma=s_gamma, control_timestep=control_timestep)
 
     @property
     def _is_file(self) -> bool:
@@ -157,7 +169,7 @@ class MujocoTask:
             name=self.environment,
             draw=None if draw is None else partial(draw, model),
             s_gamma=self.s_gamma,
-            control_timestep=None if first is None else first.control_timestep,
+            control_timestep=self.control_timestep if first is None else first.control_timestep,
             control_limits=self.limits,
             held=self.held,
             threads=self.threads,

@@ -83,12 +83,18 @@ def _reach_anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
 
 
 def _swimmer(scene: Scene) -> Tensor:
-    """Velocity along x of the origin of the first body, m/s: of the state, not the step's mean."""
+    """Velocity along x of the origin of the first body, m/s, at the instant.
+
+    The environment pays its mean over a control step: how far the body came, per time.
+    """
     return scene.qvel[:, 0]
 
 
 def _centre_of_mass_velocity(scene: Scene) -> Tensor:
-    """Velocity along x of the centre of mass of three rods of equal mass and 1 m, m/s: the same in the long run."""
+    """Velocity along x of the centre of mass of three rods of equal mass and 1 m, m/s, in place of the first one's.
+
+    The same in the long run: the two come equally far, but for where in the swimmer the centre is at the ends.
+    """
     angle = torch.cumsum(scene.qpos[:, 2:5], dim=1)
     rate = torch.cumsum(scene.qvel[:, 2:5], dim=1)
     across = -torch.sin(angle) * rate  # d/dt of cos

@@ -10,15 +10,20 @@ from swimmer_mj import state as st
 from swimmer_mj.analytic import AnalyticSwimmer
 from swimmer_mj.dynamics import from_qpos_qvel, to_qpos_qvel
 from swimmer_mj.initial_states import random_initial_state
+from swimmer_mj.learning.problems.forms import CoordinatesForm, TorchForm
 from swimmer_mj.learning.problems.mujoco import MujocoProblem, Starts
 from swimmer_mj.learning.problems.mujoco.implicit import once
+from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.mjcf import mjcf
 
 DT = 0.01
 
 
 def random_tree(seed):
-    """A model of 3 to 6 bodies: hinges, slides, balls, springs, dampers, any actuator that is affine; half in fluid."""
+    """A model of 3 to 6 bodies: hinges, slides, balls, springs, dampers, any actuator that is affine; half in fluid.
+
+    Some bodies are free.
+    """
     rng = np.random.default_rng(seed)
     bodies, joints = int(rng.integers(3, 7)), []
     children = {k: [] for k in range(-1, bodies)}
@@ -29,10 +34,13 @@ def random_tree(seed):
         return " ".join(f"{value:.4f}" for value in rng.uniform(-1, 1, size))
 
     def body(k):
-        kind = rng.choice(["hinge", "slide", "ball"])
+        kind = rng.choice(
+            ["hinge", "slide", "ball", "free"] if k in children[-1] else ["hinge", "slide", "ball"]
+        )
         soft = f'stiffness="{rng.uniform(0, 5):.3f}" damping="{rng.uniform(0, 2):.3f}"'
-        axis = "" if kind == "ball" else f'axis="{vector()}"'
-        if kind != "ball":
+        turns_about = kind in ("hinge", "slide")
+        axis = f'axis="{vector()}"' if turns_about else ""
+        if turns_about:
             joints.append(f"j{k}")
         return (
             f'<body name="b{k}" pos="{vector()}"><joint name="j{k}" type="{kind}" {axis} {soft} armature="0.05"/>'
@@ -238,6 +246,13 @@ def test_costates_of_random_trees_are_central_differences_of_mj_step(tree, contr
         assert np.allclose(tangent(problem, x[n], out[0, :p, n]), expected, rtol=0, atol=1e-5 * scale)
 
 
+def test_the_random_trees_have_joints_of_all_kinds():
+    found = [mujoco.MjModel.from_xml_string(random_tree(seed)).jnt_type for seed in range(8)]
+    for kind in ("FREE", "BALL", "SLIDE", "HINGE"):
+        number = int(getattr(mujoco.mjtJoint, f"mjJNT_{kind}"))
+        assert sum(number in types for types in found) >= 3, kind
+
+
 def test_steps_and_drift_of_random_trees_are_mujocos():
     for seed in range(8):
         xml = random_tree(seed)
@@ -258,6 +273,8 @@ def test_steps_and_drift_of_random_trees_are_mujocos():
             assert np.allclose(f[co.activation_row], hand.data.act_dot, rtol=0, atol=1e-9 * scale)
             mujoco.mj_step(hand.model, hand.data)
             assert np.allclose(y[n][co.scalar_row], hand.data.qpos[co.scalar_qpos], rtol=0, atol=1e-12)
+            for row, start in zip(co.quaternion_row, co.quaternion_qpos, strict=True):
+                assert np.allclose(y[n][row : row + 4], hand.data.qpos[start : start + 4], rtol=0, atol=1e-12)
             assert np.allclose(
                 y[n][co.velocity_row], hand.data.qvel[co.velocity_dof], rtol=0, atol=1e-9 * scale
             )
@@ -284,56 +301,91 @@ def swimming(friction, parameters=PAPER, **options):
     return MujocoProblem(model, reward, draw=draw, **options)
 
 
+UNEQUAL = SwimmerParameters(n_links=4, mass=[1.0, 0.5, 2.0, 1.0], length=[1.0, 0.7, 1.2, 0.4])
+
+
+@pytest.mark.parametrize("parameters", [PAPER, UNEQUAL], ids=["paper", "unequal"])
 @pytest.mark.parametrize("friction", ["callback", "actuators"])
-def test_the_swimmers_drift_and_control_matrix_are_those_of_the_paper(friction):
-    parameters = SwimmerParameters(n_links=4, mass=[1.0, 0.5, 2.0, 1.0], length=[1.0, 0.7, 1.2, 0.4])
-    problem = swimming(friction, parameters)
+def test_the_swimmers_drift_and_control_matrix_are_those_of_the_paper(friction, parameters):
+    problem, n = swimming(friction, parameters), parameters.n_links
     assert set(problem.layout.names) >= {"hinge_1", "slide_x'"}
     assert "slide_x" not in problem.layout.names  # where it is does not matter, and this was found out
     x = problem.initial_states(np.random.default_rng(3), 50)
     a, B = problem.drift_and_control_matrix(x)
-    qpos = np.concatenate([np.zeros((50, 2)), x[:, :4]], axis=1)
-    expected, matrix = AnalyticSwimmer(parameters).drift_and_control_matrix(from_qpos_qvel(qpos, x[:, 4:]))
-    for found, right in ((a[:, 4:, None], expected[:, 6:, None]), (B[:, 4:], matrix[:, 6:] * 5.0)):
+    qpos = np.concatenate([np.zeros((50, 2)), x[:, :n]], axis=1)
+    expected, matrix = AnalyticSwimmer(parameters).drift_and_control_matrix(from_qpos_qvel(qpos, x[:, n:]))
+    for found, right in ((a[:, n:, None], expected[:, n + 2 :, None]), (B[:, n:], matrix[:, n + 2 :] * 5.0)):
         absolute = found.copy()
         absolute[:, 2:] = np.cumsum(found[:, 2:], axis=1)  # accelerations of absolute angles
         assert np.allclose(absolute, right, rtol=1e-10, atol=1e-10 * np.abs(right).max())
 
 
-@pytest.mark.parametrize("friction", ["callback", "actuators"])
-def test_the_swimmers_jacobian_is_that_of_the_papers_equations(friction):
-    """d acceleration / d state by the paper's equations, complex-step free: central differences of A.3."""
-    problem = swimming(friction)
-    rng, N, epsilon = np.random.default_rng(5), 16, 1e-5
-    x = problem.initial_states(rng, N)
-    u = rng.uniform(-1, 1, (N, 4))
-    later = rng.normal(size=(N, 12))
-    analytic = AnalyticSwimmer(PAPER)
+def step_of_the_paper(x, u):
+    """MuJoCo's semi-implicit Euler step, with accelerations of A.3."""
+    qpos = np.concatenate([np.zeros((len(x), 2)), x[:, :5]], axis=1)
+    acceleration = AnalyticSwimmer(PAPER).derivative(from_qpos_qvel(qpos, x[:, 5:]), 5.0 * u)[:, 7:]
+    acceleration[:, 3:] -= acceleration[:, 2:-1].copy()
+    velocity = x[:, 5:] + DT * acceleration
+    return np.concatenate([x[:, :5] + DT * velocity[:, 2:], velocity], axis=1)
 
-    def step(x):
-        """MuJoCo's semi-implicit Euler step, with accelerations of A.3."""
-        qpos = np.concatenate([np.zeros((N, 2)), x[:, :5]], axis=1)
-        acceleration = analytic.derivative(from_qpos_qvel(qpos, x[:, 5:]), 5.0 * u)[:, 7:]
-        acceleration[:, 3:] -= acceleration[:, 2:-1].copy()
-        velocity = x[:, 5:] + DT * acceleration
-        return np.concatenate([x[:, :5] + DT * velocity[:, 2:], velocity], axis=1)
 
-    assert np.allclose(problem.step(x, u, DT), step(x), rtol=0, atol=1e-12)
-    expected = np.empty((N, 12))
+def step_of_the_built_in_swimmer(x, u):
+    """The same step in torch, with accelerations of the equations that the swimmer itself is learned from."""
+    swimmer = Swimming(PAPER, coordinates="joints")
+    form, joints = swimmer.form(TorchForm), swimmer.form(CoordinatesForm)
+    state = joints.leave(torch.cat([x[:, :5], x[:, 7:], x[:, 5:7]], dim=1))
+    f = form.drift(state) + (form.control_matrix(state) @ (5.0 * u)[..., None])[..., 0]
+    change = (torch.func.vmap(torch.func.jacrev(joints.enter))(state) @ f[..., None])[..., 0]
+    velocity = x[:, 5:] + DT * torch.cat([change[:, 10:], change[:, 5:10]], dim=1)
+    return torch.cat([x[:, :5] + DT * velocity[:, 2:], velocity], dim=1)
+
+
+def by_central_differences(x, u, later):
+    """later . dF/dx with F the step of the paper, (N, 12)."""
+    expected, epsilon = np.empty_like(x), 1e-5
     for j, unit in enumerate(np.eye(12)):
-        slope = (step(x + epsilon * unit) - step(x - epsilon * unit)) / (2 * epsilon)
-        expected[:, j] = (later * slope).sum(axis=1)
-    for centred, tolerance in ((True, 1e-7), (False, 1e-5)):
-        X, slopes = np.stack([x.T, step(x).T]), np.stack([np.zeros((12, N)), later.T])
-        out = np.zeros((1, 13, N))
-        batch = problem.batch(centred=centred)
-        batch.targets(X, u.T[None].copy(), np.zeros((2, N)), slopes, DT, 0.0, np.inf, out)
-        reward_slope = np.empty((N, 12))
-        for j, unit in enumerate(np.eye(12)):
-            up, down = problem.reward(x + epsilon * unit), problem.reward(x - epsilon * unit)
-            reward_slope[:, j] = DT * (up - down) / (2 * epsilon)
-        scale = np.abs(expected).max()
-        assert np.allclose(out[0, :12].T - reward_slope, expected, rtol=0, atol=tolerance * scale)
+        ahead, behind = (step_of_the_paper(x + sign * epsilon * unit, u) for sign in (1, -1))
+        expected[:, j] = (later * (ahead - behind)).sum(axis=1) / (2 * epsilon)
+    return expected
+
+
+def by_the_built_in_equations(x, u, later):
+    """The same, exactly: by automatic differentiation."""
+    held = torch.from_numpy(u)
+    pull_back = torch.func.vjp(lambda y: step_of_the_built_in_swimmer(y, held), torch.from_numpy(x))[1]
+    return pull_back(torch.from_numpy(later))[0].numpy()
+
+
+@pytest.mark.parametrize(
+    ("statement", "centred", "tolerance"),
+    [
+        (by_central_differences, False, 1e-6),
+        (by_central_differences, True, 1e-7),
+        (by_the_built_in_equations, False, 1e-6),
+        (by_the_built_in_equations, True, 2e-8),
+    ],
+)
+@pytest.mark.parametrize("friction", ["callback", "actuators"])
+def test_the_swimmers_jacobian_is_that_of_its_equations(friction, statement, centred, tolerance):
+    """MuJoCo's, by finite differences: held against A.3, and against the exact Jacobian of the built-in swimmer."""
+    problem = swimming(friction)
+    rng, N = np.random.default_rng(5), 16
+    x = problem.initial_states(rng, N)
+    u, later = rng.uniform(-1, 1, (N, 4)), rng.normal(size=(N, 12))
+    y = step_of_the_paper(x, u)
+    assert np.allclose(problem.step(x, u, DT), y, rtol=0, atol=1e-12)
+    built_in = step_of_the_built_in_swimmer(torch.from_numpy(x), torch.from_numpy(u))
+    assert np.allclose(built_in, y, rtol=0, atol=1e-12)
+    out = np.zeros((1, 13, N))
+    X, slopes = np.stack([x.T, y.T]), np.stack([np.zeros((12, N)), later.T])
+    batch = problem.batch(centred=centred)
+    batch.targets(X, u.T[None].copy(), np.zeros((2, N)), slopes, DT, 0.0, np.inf, out)
+    state = torch.from_numpy(x).requires_grad_()
+    rate, _ = problem.rate(state, torch.from_numpy(problem.read(x)))  # which reads the state alone
+    (reward_slope,) = torch.autograd.grad(rate.sum(), state)
+    expected = statement(x, u, later)
+    found = out[0, :12].T - DT * reward_slope.numpy()
+    assert np.allclose(found, expected, rtol=0, atol=tolerance * np.abs(expected).max())
 
 
 def test_the_number_of_threads_changes_no_bit():

@@ -129,6 +129,9 @@ def test_a_value_is_the_same_from_all_sides_and_so_is_its_control():
     assert np.allclose(y[:, 0], np.cos(x[:, 2]) * (x[:, 0] + 0.8) + np.sin(x[:, 2]) * (x[:, 1] + 0.1))
 
 
+@pytest.mark.filterwarnings(
+    "ignore::swimmer_mj.learning.problems.caution.CautionWarning"
+)  # the tail is limited
 def test_the_boat_learns_to_come_nearer():
     gains = []
     for seed in range(4):

@@ -3,9 +3,12 @@
 import copy
 import multiprocessing
 import re
+import subprocess
+import sys
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 
+import gymnasium
 import mujoco
 import numpy as np
 import pytest
@@ -13,11 +16,15 @@ import torch
 
 from swimmer_mj.learning.networks.networks import Cascade, Multilayer, ValueNetwork
 from swimmer_mj.learning.networks.policy import GreedyPolicy, greedy_control
-from swimmer_mj.learning.problems.forms import BatchForm, CostForm
+from swimmer_mj.learning.problems.caution import CautionWarning
+from swimmer_mj.learning.problems.forms import BatchForm, CostForm, EpisodeForm
 from swimmer_mj.learning.problems.mujoco import MujocoProblem, Starts
 from swimmer_mj.learning.td.continuous_td import ContinuousTD
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.learning.value_gradient.settings import ValueGradientSettings
+
+CAREFUL = pytest.mark.filterwarnings("ignore::swimmer_mj.learning.problems.caution.CautionWarning")
+"""A joint of the model is limited."""
 
 ARM = """
 <mujoco>
@@ -130,6 +137,7 @@ def test_episodes_take_the_models_own_steps_and_count_what_controls_cost():
         assert total == pytest.approx(expected, rel=1e-6)
 
 
+@CAREFUL
 @pytest.mark.parametrize("seed", range(3))
 def test_both_methods_learn_it(seed):
     """Value gradients bring the hand where it is asked for; TD(lambda) takes its steps through the same interface."""
@@ -157,6 +165,7 @@ def test_both_methods_learn_it(seed):
     assert np.isfinite(x).all()
 
 
+@CAREFUL
 def test_learning_is_the_same_bits_again():
     def learned():
         problem = MujocoProblem(ARM, reach, threads=2)
@@ -170,12 +179,92 @@ def test_learning_is_the_same_bits_again():
     assert bool((learned() == learned()).all())
 
 
-def test_warns_where_constraints_are_active():
-    floor = ARM.replace('<flag contact="disable"/>', "").replace('range="-100 100"', 'range="-1 1"')
-    said = MujocoProblem(floor, reach).caution()
-    assert re.search(r"constraints .* are active at \d+ % of the states seen", said)
-    free = ARM.replace('limited="true" range="-100 100"', 'limited="false"')
-    assert MujocoProblem(free, reach).caution() is None
+SMALL = ValueGradientSettings(trajectories=32, steps=5, dt=0.02, minibatch=32, trial_duration=1.0)
+LIMITED = ARM.replace('<flag contact="disable"/>', "").replace('range="-100 100"', 'range="-1 1"')
+FREE = ARM.replace('limited="true" range="-100 100"', 'limited="false"')
+
+
+def layers(problem):
+    return Multilayer(problem.n_inputs, (8,), generator=torch.Generator().manual_seed(0))
+
+
+LEARNERS = [
+    lambda problem: ValueGradientLearner(problem, layers(problem), SMALL),
+    lambda problem: ContinuousTD(problem, layers(problem)),
+]
+
+
+def test_says_at_how_many_states_constraints_are_active():
+    problem = MujocoProblem(LIMITED, reach)
+    said = re.search(r"constraints .* are active at (\d+) % of the states seen", problem.caution())
+    x, data = problem._seen(), mujoco.MjData(problem.model)
+    beyond = np.abs(x[:, problem.layout.names.index("elbow")]) > np.radians(1.0)
+    assert 0.1 < beyond.mean() < 0.9
+    for state, outside in zip(x, beyond, strict=True):
+        problem.place(data, state)
+        mujoco.mj_forward(problem.model, data)
+        assert (data.nefc > 0) == outside  # the joint's limit alone
+    assert float(said[1]) == pytest.approx(100 * beyond.mean(), abs=0.5)
+    assert MujocoProblem(FREE, reach).caution() is None
+
+
+@pytest.mark.parametrize("make", LEARNERS)
+def test_a_learner_warns_once_where_it_is_made(make):
+    problem = MujocoProblem(LIMITED, reach)
+    with pytest.warns(CautionWarning) as caught:
+        make(problem)
+    (warning,) = caught
+    assert str(warning.message) == problem.caution()
+    assert warning.filename == __file__
+    make(MujocoProblem(FREE, reach))  # of which a warning would be an error
+
+
+def test_a_warning_changes_no_bit_of_what_is_learned():
+    def learned(caution):
+        problem = MujocoProblem(LIMITED, reach, threads=1)
+        problem.caution = caution or problem.caution
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", CautionWarning)
+            learner = LEARNERS[0](problem)
+        learner.step()
+        return torch.cat([w.detach().flatten() for w in learner.network.parameters()])
+
+    assert bool((learned(None) == learned(lambda: None)).all())
+
+
+def test_an_equality_constraint_is_in_steps_and_not_in_the_control_matrix():
+    """The wheel turns as the elbow does; the control matrix is that of the arm without the constraint."""
+    coupled = FREE.replace(
+        "<actuator>", '<equality><joint joint1="wheel" joint2="elbow"/></equality><actuator>'
+    )
+    problem, free = (MujocoProblem(xml, reach, without=(), threads=1) for xml in (coupled, FREE))
+    assert "are active at 100 % of the states seen" in problem.caution()
+    with pytest.warns(CautionWarning, match="the control matrix is that without them"):
+        LEARNERS[0](problem)
+    x, names = problem.initial_states(np.random.default_rng(0), 8), problem.layout.names
+    for wheel, elbow in (("wheel", "elbow"), ("wheel'", "elbow'")):
+        x[:, names.index(wheel)] = x[:, names.index(elbow)]
+    a, B = problem.drift_and_control_matrix(x)
+    assert np.array_equal(B, free.drift_and_control_matrix(x)[1])
+
+    def accelerations(u):
+        found, data = [], mujoco.MjData(problem.model)
+        for state in x:
+            problem.place(data, state)
+            data.ctrl[:] = problem.ctrl(u)
+            mujoco.mj_forward(problem.model, data)
+            found.append(data.qacc.copy())
+        return np.array(found)
+
+    bend = np.array([0.0, 1.0])
+    still, bent = accelerations(np.zeros(2)), accelerations(bend)
+    assert np.allclose(a[:, -4:], still, rtol=0, atol=1e-9 * np.abs(still).max())
+    assert names[-1] == "wheel'"
+    assert (B[:, -1, 1] == 0).all()
+    assert (bent - still > 0.1)[:, -1].all()  # which the control matrix leaves out
+    coast, gain = problem.batch().responses(np.ascontiguousarray(x.T), 0.01)
+    assert np.allclose(coast + gain[1], problem.step(x, bend, 0.01).T, rtol=0, atol=1e-9)
+    assert (gain[1, -1] > 1e-3).all()  # by which held controls are chosen
 
 
 @pytest.mark.parametrize(
@@ -186,6 +275,10 @@ def test_warns_where_constraints_are_active():
             "'east' has a gain of type mjGAIN_MUSCLE",
         ),
         (('joint="x" gear="3"', 'joint="x" forcerange="-1 1"'), "'east' has a forcerange"),
+        (
+            ('<motor name="bend"', '<intvelocity name="bend" kp="1" actrange="-0.1 0.1"'),
+            "'bend' has an actrange: its force is not affine in ctrl; leave that out, or take a motor",
+        ),
         (
             ('name="bend" joint="elbow" ctrlrange="-1 1"', 'name="bend" joint="elbow"'),
             "'bend' has no ctrlrange",
@@ -285,6 +378,7 @@ def test_a_held_control_oversteps_nothing():
     assert ends[True] < 1e-3 < 0.1 < ends[False]
 
 
+@CAREFUL
 def test_how_coordinates_enter_the_network_can_be_said():
     """A limited joint by cos and sin, a free one by its angle, a velocity by a factor, one not at all."""
     inputs = {"elbow": "angle", "wheel": 0.5, "x'": 3.0, "y": 0.0}
@@ -521,10 +615,67 @@ def test_a_model_is_taken_in_whatever_way_it_comes():
     made = [mujoco.MjModel.from_xml_string(POINT), mujoco.MjSpec.from_string(POINT)]
     for model in made:
         assert MujocoProblem(model, near_the_origin(1.0)).state_size == 4
-    with pytest.raises(ValueError, match=r"the model must be an MjModel, an MjSpec, XML or a path, got int"):
-        MujocoProblem(3, near_the_origin(1.0))
+    taken = "an MjModel, an MjSpec, XML, a path, an environment or a Physics of dm_control, or a MuJoCo environment of "
+    for other, kind in ((3, "int"), (gymnasium.make("CartPole-v1"), "CartPoleEnv")):
+        with pytest.raises(ValueError, match=f"the model must be {taken}Gymnasium, got {kind}"):
+            MujocoProblem(other, near_the_origin(1.0))
     with pytest.raises(ValueError, match=r"unrecognized element Element 'worldbdy', line \d+"):
         MujocoProblem(POINT.replace("worldbody", "worldbdy"), near_the_origin(1.0))
+
+
+def from_dm_control(given):
+    suite = pytest.importorskip("dm_control.suite", reason="there is no dm_control here")
+    environment = suite.load("swimmer", "swimmer6")
+    physics = environment.physics
+    ways = {"environment": environment, "physics": physics, "model": physics.model}
+    return ways[given], physics.model.ptr, environment.control_timestep() if given == "environment" else None
+
+
+def from_gymnasium(name, wrapped, **options):
+    import swimmer_mj.gymnasium  # noqa: F401 - the names of its environments
+
+    environment = gymnasium.make(name, **options)
+    inner = environment.unwrapped
+    model = inner.model if hasattr(inner, "model") else inner.physics.model
+    return environment if wrapped else inner, model, model.opt.timestep * inner.frame_skip
+
+
+@pytest.mark.parametrize(
+    ("make", "arguments"),
+    [
+        (from_dm_control, {"given": "environment"}),
+        (from_dm_control, {"given": "physics"}),
+        (from_dm_control, {"given": "model"}),
+        (from_gymnasium, {"name": "Swimmer-v5", "wrapped": True}),
+        (from_gymnasium, {"name": "Swimmer-v5", "wrapped": False}),
+        (from_gymnasium, {"name": "swimmer_mj/Swim3-v0", "wrapped": True, "frame_skip": 5}),
+    ],
+)
+def test_an_environment_is_its_model_and_its_control_step(make, arguments):
+    given, model, held_for = make(**arguments)
+    assert isinstance(model, mujoco.MjModel)
+    found = MujocoProblem(given, slow, threads=1)
+    right = MujocoProblem(model, slow, threads=1, control_timestep=held_for)
+    assert found.control_timestep == right.control_timestep == pytest.approx(held_for or model.opt.timestep)
+    assert held_for is None or held_for > 1.5 * model.opt.timestep
+    assert found.form(EpisodeForm) == right.form(EpisodeForm)
+    assert found.layout.names == right.layout.names
+    assert found.control_limits.tolist() == right.control_limits.tolist()
+    x = right.initial_states(np.random.default_rng(0), 8)
+    assert np.array_equal(found.initial_states(np.random.default_rng(0), 8), x)
+    for one, other in zip(found.drift_and_control_matrix(x), right.drift_and_control_matrix(x), strict=True):
+        assert np.array_equal(one, other)
+    u = right.control_limits / 2
+    assert np.array_equal(found.step(x, u, 0.01), right.step(x, u, 0.01))
+    assert np.array_equal(found.inputs(torch.from_numpy(x)), right.inputs(torch.from_numpy(x)))
+    longer = MujocoProblem(given, slow, threads=1, control_timestep=20 * model.opt.timestep)
+    assert longer.control_timestep == 20 * model.opt.timestep
+
+
+def test_other_peoples_environments_are_not_imported():
+    code = "import sys, swimmer_mj.learning.problems.mujoco; print({'dm_control', 'gymnasium'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
 
 
 @pytest.mark.parametrize("reward", [lambda s: (s.qpos[:, 0] > 0).double(), lambda s: s.qpos[:, 0].detach()])

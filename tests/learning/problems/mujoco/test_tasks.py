@@ -1,15 +1,22 @@
 """Rewards restated in torch are the environments' own, at random states and controls."""
 
+import csv
 import json
+import sys
 
+import gymnasium as gym
+import mujoco
 import numpy as np
 import pytest
 
+from swimmer_mj.cli import main
+from swimmer_mj.cli.training import changed, configured
 from swimmer_mj.learning.problems.forms import EnvironmentForm, EpisodeForm
 from swimmer_mj.learning.problems.mujoco import MujocoProblem, Starts
 from swimmer_mj.learning.problems.mujoco.episodes import known_task, open_episode
 from swimmer_mj.learning.problems.mujoco.task import MujocoTask
 from swimmer_mj.learning.problems.mujoco.tasks import dm_control, gymnasium
+from swimmer_mj.learning.runs.config import RunConfig
 
 COUNT = 1000
 
@@ -58,8 +65,7 @@ def test_dm_control(name):
 
 @pytest.mark.parametrize("name", gymnasium.TASKS)
 def test_gymnasium(name):
-    import gymnasium as gym
-
+    """Of Swimmer-v5, with the velocity that it pays for in place of the mean over a step: the next test is of that."""
     inner = gym.make(name).unwrapped
     inner.reset(seed=0)
     rng, model, data = np.random.default_rng(0), inner.model, inner.data
@@ -67,10 +73,11 @@ def test_gymnasium(name):
     qvel = rng.normal(size=(COUNT, model.nv))
     controls = rng.uniform(-1, 1, (COUNT, model.nu))
     expected = []
-    for q, v, u in zip(qpos, qvel, controls, strict=True):
+    for k, (q, v, u) in enumerate(zip(qpos, qvel, controls, strict=True)):
         inner.set_state(q, v)
-        if name == "InvertedPendulum-v5":
-            expected.append(float(abs(inner._get_obs()[1]) <= 0.2))
+        if name == "InvertedPendulum-v5":  # which pays for the state that it comes to
+            expected.append(inner.step(u)[1])
+            qpos[k], qvel[k] = data.qpos, data.qvel
         elif name == "InvertedDoublePendulum-v5":
             x, _, y = data.site_xpos[0]
             expected.append(inner._get_rew(x, y, y <= 1)[0])
@@ -81,6 +88,51 @@ def test_gymnasium(name):
     problem, x = restated(f"gymnasium/{name}", model, Starts(qpos, qvel))
     found = problem.reward(x) - (problem.control_cost(x) * controls**2).sum(axis=1)
     assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+    assert len(np.unique(expected)) > 1
+
+
+def test_gymnasiums_swimmer_pays_the_mean_velocity_of_its_head_over_a_step():
+    """The restated reward is that velocity at an instant; what is learned, the centre of mass's in its place.
+
+    Over a step the environment pays how far the head comes along x, per time. Over many, head and centre of mass come
+    equally far, but for where in the swimmer the centre is at the two ends.
+    """
+    inner, task = gym.make("Swimmer-v5").unwrapped, known_task("gymnasium/Swimmer-v5")
+    inner.reset(seed=0)
+    model, data, dt, steps, parts = inner.model, inner.data, inner.dt, 50, 40
+    fine = mujoco.MjModel.from_xml_path(inner.fullpath)
+    fine.opt.timestep = dt / parts
+    head, centre = (
+        MujocoProblem(model, reward, without=(), threads=1) for reward in (task.reward, task.learned)
+    )
+    paid, of_head, of_centre, places = [], [], [], []
+
+    def where():
+        mujoco.mj_forward(model, data)
+        assert data.nefc == 0  # no joint is at its limit, where steps of two lengths differ
+        return data.qpos[0], data.subtree_com[1, 0]
+
+    places.append(where())
+    for k in range(steps):
+        u = 0.5 * np.sin([0.3 * k, 0.3 * k + 1])
+        between, seen = mujoco.MjData(fine), []
+        between.qpos[:], between.qvel[:], between.ctrl[:] = data.qpos, data.qvel, u
+        for _ in range(parts + 1):
+            seen.append(np.concatenate([between.qpos, between.qvel]))
+            mujoco.mj_step(fine, between)
+        x = head.states(Starts(*np.split(np.array(seen), [model.nq], axis=1)))
+        for problem, means in ((head, of_head), (centre, of_centre)):
+            means.append(np.trapezoid(problem.reward(x)) / parts)
+        paid.append(inner.step(u)[1] + 1e-4 * (u @ u))
+        places.append(where())
+    (of_paid, of_learned), scale = np.diff(places, axis=0).T / dt, np.abs(paid).max()
+    assert np.allclose(paid, of_paid, rtol=0, atol=1e-12)
+    assert np.allclose(of_head, paid, rtol=0, atol=1e-4 * scale)
+    assert np.allclose(of_centre, of_learned, rtol=0, atol=1e-4 * scale)
+    assert np.abs(np.subtract(of_centre, paid)).max() > 0.3 * scale  # in a step they differ
+    lead = np.diff(places, axis=1)[:, 0]
+    between_ends = (lead[-1] - lead[0]) / (steps * dt)
+    assert np.mean(of_centre) - np.mean(paid) == pytest.approx(between_ends, abs=1e-4 * scale)
 
 
 class Still:
@@ -188,10 +240,114 @@ def _to_the_left(scene):
     return -scene.geom("pointmass")[:, 0]
 
 
+POLE = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="hinge" axis="0 1 0" damping="0.1"/>
+<geom type="capsule" fromto="0 0 0 0 0 0.5" size="0.05"/></body></worldbody>
+<actuator><motor joint="hinge" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+def _upright(scene):
+    return scene.joint("hinge").cos()
+
+
+@pytest.mark.parametrize("method", ["td", "value-gradient"])
+def test_a_control_is_held_for_as_long_as_is_asked(method, tmp_path, monkeypatch):
+    (tmp_path / "pole.xml").write_text(POLE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "poles", sys.modules[__name__])
+    options = {"reward": "poles:_upright", "control_timestep": 0.02}
+    config = configured("pole.xml", method, options, 1)
+    assert config.problem.control_timestep == config.problem.form(EpisodeForm).dt == 0.02
+    assert config.method.settings.dt == 0.02
+    assert changed(config, ["dt=0.01"]).method.settings.dt == 0.01
+    own = configured("pole.xml", method, {"reward": "poles:_upright"}, 1)
+    assert own.problem.form(EpisodeForm).dt == own.method.settings.dt == 0.002
+    assert RunConfig.from_json(json.loads(json.dumps(config.to_json()))) == config
+
+
+@pytest.mark.parametrize(
+    ("problem", "control_timestep", "complaint"),
+    [
+        ("pole.xml", 0.003, "must be a whole number of the model's steps of 0.002 s, got 0.003"),
+        ("pole.xml", 0.0, "must be a whole number of the model's steps of 0.002 s, got 0.0"),
+        (
+            "gymnasium/InvertedPendulum-v5",
+            0.04,
+            "holds a control for 0.04 s, and control_timestep is for a model",
+        ),
+        ("swim", 0.02, "--control-timestep is no option of problem 'swim'"),
+    ],
+)
+def test_a_control_step_that_cannot_be_is_refused(
+    problem, control_timestep, complaint, tmp_path, monkeypatch, capsys
+):
+    (tmp_path / "pole.xml").write_text(POLE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "poles", sys.modules[__name__])
+    asked = ["--problem", problem, "--control-timestep", str(control_timestep)]
+    reward = ["--reward", "poles:_upright"] if problem == "pole.xml" else []
+    assert main(["train", "--out", "never", "--seconds", "1", *asked, *reward]) == 2
+    said = capsys.readouterr().err
+    assert complaint in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "never").exists()
+
+
+@pytest.mark.parametrize("method", ["td", "value-gradient"])
+def test_train_says_once_what_to_heed_and_of_td_that_another_is_fast(method, tmp_path, capsys):
+    """The pendulum's cart has a track with ends. What Python is warned of, the command says by itself."""
+    brief = [
+        "--problem",
+        "gymnasium/InvertedPendulum-v5",
+        "--method",
+        method,
+        "--s-gamma",
+        "10",
+        "--trials",
+        "2",
+    ]
+    brief += ["--evaluate-every", "2", "--set", "trial_duration=0.4", *FEW[method]]
+    assert main(["train", "--out", str(tmp_path / "run"), *brief]) == 0
+    printed = capsys.readouterr()
+    assert printed.out.count("constraints (contacts, joint limits") == 1
+    assert printed.out.count("the fast one for it is --method value-gradient") == (method == "td")
+    assert printed.err == ""
+    assert [row["trial"] for row in _rows(tmp_path / "run")] == ["2"]
+    assert main(["train", "--out", str(tmp_path / "json"), *brief, "--json"]) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["runs"][0]["trials"] == 2
+    assert printed.err == ""
+
+
+FEW = {
+    "td": ["--neurons", "4"],
+    "value-gradient": ["trajectories=32", "minibatch=32", "steps=10", "layers=[4]"],
+}
+
+
+def _rows(run):
+    with (run / "metrics.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_sweep_says_once_what_to_heed(tmp_path, capsys):
+    (tmp_path / "sweep.toml").write_text(
+        'problem = "gymnasium/InvertedPendulum-v5"\nmethod = "value-gradient"\ntrials = 1\nevaluate_every = 1\n'
+        "[set]\ns_gamma = 10.0\ntrajectories = 32\nminibatch = 32\nlayers = [4]\n[grid]\nsteps = [5, 10]\n"
+    )
+    assert main(["sweep", str(tmp_path / "sweep.toml"), "--out", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr()
+    assert printed.out.count("constraints (contacts, joint limits") == 1
+    assert printed.err == ""
+
+
+def test_evaluate_says_what_it_measures(capsys):
+    assert main(["evaluate", "--help"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Of a task of dm_control or Gymnasium, the return of its episodes" in said
+
+
 def test_the_commands_learn_judge_draw_and_go_on(tmp_path, monkeypatch, capsys):
     """A model of one's own and a task, by the ordinary commands."""
-    from swimmer_mj.cli import main
-
     (tmp_path / "pole.xml").write_text(
         '<mujoco><option timestep="0.02"/><worldbody><body><joint name="hinge" axis="0 1 0" damping="0.1"/>'
         '<geom type="capsule" fromto="0 0 0 0 0 0.5" size="0.05"/></body></worldbody>'
