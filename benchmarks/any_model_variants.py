@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import swimmer_v5_rewards  # noqa: F401 - a variant names it
 import torch
 import tyro
 from any_model import COLUMNS as LOOKED
@@ -23,8 +24,8 @@ from yardstick import Row, fill
 
 OUT = Path(__file__).parent / "results" / "any-model-variants.csv"
 COLUMNS = (LOOKED[0], "settings", *LOOKED[1:])
-AS_PAID = "swimmer_mj.learning.problems.mujoco.tasks.gymnasium:_swimmer"
-"""What Swimmer-v5 pays, the velocity of a point of its first link; learned is that of the centre of mass."""
+OF_THE_CENTRE = "swimmer_v5_rewards:centre_of_mass_velocity"
+"""In place of what Swimmer-v5 pays, the velocity of a point of its first link."""
 VARIANTS: dict[str, tuple[float, tuple[str, ...]]] = {
     "dm_control/pendulum/swingup": (60.0, ("", "huber=null")),
     "gymnasium/InvertedDoublePendulum-v5": (60.0, ("", "huber=null")),
@@ -34,7 +35,14 @@ VARIANTS: dict[str, tuple[float, tuple[str, ...]]] = {
     ),
     "gymnasium/Swimmer-v5": (
         80.0,
-        ("", "dt=0.02 steps=50", f"reward_function={AS_PAID}", "s_gamma=0.5", "held=false", "layers=[64,64]"),
+        (
+            "",
+            "dt=0.02 steps=50",
+            f"reward_function={OF_THE_CENTRE}",
+            "s_gamma=0.5",
+            "held=false",
+            "layers=[64,64]",
+        ),
     ),
     "dm_control/acrobot/swingup": (100.0, ("", "huber=null", "dt=0.01 steps=50 trajectories=256")),
 }

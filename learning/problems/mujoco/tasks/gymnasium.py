@@ -90,21 +90,6 @@ def _swimmer(scene: Scene) -> Tensor:
     return scene.qvel[:, 0]
 
 
-def _centre_of_mass_velocity(scene: Scene) -> Tensor:
-    """Velocity along x of the centre of mass of three rods of equal mass and 1 m, m/s, in place of the first one's.
-
-    The same in the long run: the two come equally far, but for where in the swimmer the centre is at the ends.
-    """
-    angle = torch.cumsum(scene.qpos[:, 2:5], dim=1)
-    rate = torch.cumsum(scene.qvel[:, 2:5], dim=1)
-    across = -torch.sin(angle) * rate  # d/dt of cos
-    # Middles: +1 of the first link's axis; 0.5 back and half of the second; and so on (m)
-    first = across[:, 0]
-    second = 0.5 * across[:, 0] - 0.5 * across[:, 1]
-    third = 0.5 * across[:, 0] - across[:, 1] - 0.5 * across[:, 2]
-    return scene.qvel[:, 0] + (first + second + third) / 3
-
-
 def _swim_anywhere(model: Any, rng: np.random.Generator, count: int) -> Starts:
     qpos = np.zeros((count, 5))
     qpos[:, 2] = rng.uniform(-math.pi, math.pi, count)
@@ -132,7 +117,6 @@ TASKS: dict[str, Task] = {
     "Swimmer-v5": Task(
         _swimmer,
         (1e-4, 1e-4),
-        learned=_centre_of_mass_velocity,
         draw=_swim_anywhere,
         s_gamma=0.05,
         advice={"s_lambda": 1.0, "value_weight": 1.0, "half_life": 150.0, "layers": [128, 128]},
