@@ -76,6 +76,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "cluster-scale": tables.cluster_scale,
     "run-cost": tables.run_cost,
     "tournament-against": tournament_results.against_the_fastest,
+    "tournament-against-thrifty": partial(tournament_results.against_the_fastest, mine="ours-thrifty"),
     "tournament-final": tournament_results.finals,
     "tournament-tuning": tournament_results.tuning,
     "planners": tables.planners,
