@@ -13,13 +13,17 @@ from swimmer_mj.learning.pretrained import load_pretrained
 @pytest.mark.filterwarnings("default")
 def test_the_one_that_is_left_is_judged_and_not_learned_again(tmp_path, monkeypatch):
     out = tmp_path / "log.csv"
-    swim = gait_shares.swim
-    monkeypatch.setattr(several_seeds, "swim", lambda run, pulls: swim(run, pulls, 0.1, 0.2))
+    swim, of_three = (
+        gait_shares.swim,
+        gait_shares.best_gaits(3),
+    )  # of two links none is known, which learn sooner
+    monkeypatch.setattr(several_seeds, "swim", lambda policy, pulls: swim(policy, pulls, 0.1, 0.2))
+    monkeypatch.setattr(several_seeds, "best_gaits", lambda links: of_three)
     for _ in range(2):
-        several_seeds.main(links=3, first=1, times=1, seconds=6.0, evaluate_every=20, out=out)
+        several_seeds.main(links=2, first=1, times=1, seconds=4.0, evaluate_every=20, out=out)
     with out.open(newline="", encoding="utf-8") as file:
         (row,) = csv.DictReader(file)
-    assert (row["links"], row["seed"], row["seeds"]) == ("3", "1", "4")
+    assert (row["links"], row["seed"], row["seeds"]) == ("2", "1", "4")
     assert 1 <= int(row["left"]) <= 4
     assert len(row["bests"].split()) == 4
     assert abs(float(row["steady_speed"])) < 3
