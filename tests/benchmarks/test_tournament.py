@@ -322,7 +322,7 @@ def test_ours_beside_the_soonest_peer(log):
 
 def test_a_goal_counts_as_met_by_known_medians_alone(log):
     for seed in ("5", "6", "7"):  # and so the median of ours is not known
-        append(log, looks_at("ours", 0, [0.1, 0.1, 0.2, 0.2], "final", seed, "4"))
+        append(log, looks_at("ours", 0, [0.1], "final", seed, "4"))  # stopped after 1 s: it may take for ever
     rows = tournament_results.against_the_fastest(log).rows
     assert [row[-1] for row in rows[:3]] == ["1/3: missed", "1/2: missed", ""]
 
