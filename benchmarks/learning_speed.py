@@ -396,9 +396,9 @@ def draw(data: Mapping[str, Any]) -> Figure:
     from swimmer_mj.render.figures import BLUE, GREY, INK, ORANGE, plain_axes
 
     lines = {
-        "population": (ORANGE, "16 learners in SIMD lanes, together"),
-        "fused": (BLUE, "one learner"),
-        "mj_step": (GREY, "bare mj_step, for comparison"),
+        "population": (ORANGE, "s-", "16 learners in SIMD lanes, together"),
+        "fused": (BLUE, "o-", "one learner"),
+        "mj_step": (GREY, "--", "bare mj_step, for comparison"),
     }
     figure = Figure(figsize=(10, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
@@ -410,8 +410,7 @@ def draw(data: Mapping[str, Any]) -> Figure:
         plain_axes(axes)
         axes.set_xscale("log")
         axes.set_yscale("log")
-        for name, (color, text) in lines.items():
-            style = "--" if name == "mj_step" else "o-"
+        for name, (color, style, text) in lines.items():
             rates = [row[name] for row in rows.values()]
             axes.plot(list(rows), rates, style, color=color, label=text, markersize=5, linewidth=1.6)
         axes.xaxis.set_major_locator(FixedLocator(list(rows)))

@@ -69,21 +69,22 @@ def main(
     """
     console = Console(highlight=False)
     kind = ("--method", "value-gradient", "--coordinates", "joints", "--held", "--links", links)
+    done = finished(out, COLUMNS)
+    left = [seed for seed in range(first, first + TEAM * times, TEAM) if (str(links), str(seed)) not in done]
     with tempfile.TemporaryDirectory() as folder:
-        command("train", "--out", f"{folder}/compiled", *kind, "--seconds", 1)
-        for seed in range(first, first + TEAM * times, TEAM):
-            if (str(links), str(seed)) in finished(out, COLUMNS):
-                continue
+        if left:
+            command("train", "--out", f"{folder}/compiled", *kind, "--seconds", 1)
+        for seed in left:
             runs = f"{folder}/{seed}"
             seeds = ("--seeds", f"{seed}-{seed + TEAM - 1}", "--halve", "--seconds", seconds)
             looks = ("--evaluate-every", evaluate_every)
             learned = command("train", "--out", runs, *kind, *seeds, *looks)
             found = command("evaluate", learned["fastest"])
             bests = " ".join(f"{run['best_speed'] or 0:.2f}" for run in learned["runs"])
-            left = Path(learned["fastest"]).name.removeprefix("seed-")
+            winner = Path(learned["fastest"]).name.removeprefix("seed-")
             speeds = (found[name] for name in ("speed_mean", "steady_speed_mean"))
             numbers = (f"{number:.4f}" for number in (*speeds, *pulled(Path(learned["fastest"]), links)))
-            row = (links, seed, TEAM, f"{seconds:g}", os.cpu_count() or 1, left, bests, *numbers)
+            row = (links, seed, TEAM, f"{seconds:g}", os.cpu_count() or 1, winner, bests, *numbers)
             append(out, [row])
             console.print(*row)
 
