@@ -1,10 +1,11 @@
-"""The learners of this project beside Stable-Baselines3's: time and simulation to reach a speed, in a table and a plot.
+"""The learners of this project beside each other: time and simulation to reach a speed, in a table and a plot.
 
     python benchmarks/compare_learners.py
 
-reads what ``own_learners.py`` and ``peers_sb3.py`` wrote, and draws docs/images/learners.png. A learner reaches a speed
-at its first look at that speed or more. A seed that was stopped before it got there took longer than it was given:
-ratios are of medians over all seeds, and a median that falls among such seeds is known to be more than so much.
+reads what ``own_learners.py`` wrote, and draws docs/images/learners.png. A learner reaches a speed at its first look at
+that speed or more. A seed that was stopped before it got there took longer than it was given: ratios are of medians
+over all seeds, and a median that falls among such seeds is known to be more than so much. Others' learners are in
+``tournament.py``.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from swimmer_mj.render.bands import end_key, mark_ends
 from swimmer_mj.render.figures import COLORS, HANDLE, line, plain_axes, save_figure
 
 ROOT = Path(__file__).parents[1]
-RESULTS = tuple(ROOT / "benchmarks" / "results" / name for name in ("own-learners.csv", "peers-sb3.csv"))
+RESULTS = ROOT / "benchmarks" / "results" / "own-learners.csv"
 PLOT = ROOT / "docs" / "images" / "learners.png"
 NAMES = {
     "value-gradient": "value gradients",
@@ -59,14 +60,13 @@ class Curve(NamedTuple):
     speed: Array
 
 
-def read(paths: Sequence[Path]) -> dict[str, list[Curve]]:
+def read(path: Path) -> dict[str, list[Curve]]:
     """The curves of each algorithm, seed by seed."""
     rows: dict[tuple[str, int], list[tuple[float, float, float]]] = defaultdict(list)
-    for path in paths:
-        with path.open(newline="") as file:
-            for row in csv.DictReader(file):
-                look = float(row["cpu_seconds"]), float(row["simulation_steps"]), float(row["speed"])
-                rows[row["algorithm"], int(row["seed"])].append(look)
+    with path.open(newline="") as file:
+        for row in csv.DictReader(file):
+            look = float(row["cpu_seconds"]), float(row["simulation_steps"]), float(row["speed"])
+            rows[row["algorithm"], int(row["seed"])].append(look)
     curves: dict[str, list[Curve]] = {name: [] for name in NAMES if any(name == key for key, _ in rows)}
     for (name, _), looks in sorted(rows.items()):
         curves[name].append(Curve(*np.array(looks).T))
@@ -157,7 +157,7 @@ def top_speed_words(curves: Sequence[Curve]) -> str:
 
 
 def print_tables(curves: dict[str, list[Curve]], console: Console) -> None:
-    """Time, simulation, the best speed; then how many times sooner than the fastest of the peers, by medians."""
+    """Time, simulation, the best speed; then the share of TD(lambda)'s simulation, by medians."""
     for quantity, unit, scale in (("cpu_seconds", "s", 1.0), ("simulation_steps", "million steps", 1e-6)):
         table = Table(
             "learner", *(f"{speed} m/s" for speed in SPEEDS), "best, m/s", title=f"to reach, {unit}"
@@ -169,18 +169,7 @@ def print_tables(curves: dict[str, list[Curve]], console: Console) -> None:
         console.print(table)
     tops = (f"{name} {top_speed_words(of_name)}" for name, of_name in curves.items())
     console.print(f"top speed of any seed: {', '.join(tops)}")
-    if "value-gradient" not in curves:
-        return
-    for speed in SPEEDS:
-        times = {name: reached(of_name, speed, "cpu_seconds") for name, of_name in curves.items()}
-        peers = [
-            name for name in ("ppo", "sac", "td3") if name in times and np.isfinite(times[name].spent).any()
-        ]
-        if peers:
-            fastest = min(peers, key=lambda name: (not times[name].known, times[name].median))
-            text = ratio_words(times["value-gradient"], fastest, times[fastest], "s")
-            console.print(f"{speed} m/s: {text}")
-    if "td" in curves:
+    if "value-gradient" in curves and "td" in curves:
         ours, paper = (reached(curves[name], 1.0, "simulation_steps") for name in ("value-gradient", "td"))
         console.print(f"1.0 m/s: {ratio_words(ours, 'TD(lambda)', paper, 'simulation steps')}")
 
@@ -216,20 +205,19 @@ def draw(curves: Mapping[str, list[Curve]]) -> Figure:
     time.set_ylabel("swimming speed  (m/s)")
     handles, _ = time.get_legend_handles_labels()
     handles.append(end_key("ends where a seed was stopped"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, handlelength=HANDLE)
+    figure.legend(handles=handles, loc="outside upper center", ncols=2, frameon=False, handlelength=HANDLE)
     return figure
 
 
-def main(results: Sequence[Path] = RESULTS, picture: Path | None = PLOT) -> None:
+def main(results: Path = RESULTS, picture: Path | None = PLOT) -> None:
     """Print the tables and draw the plot.
 
     Args:
-        results: CSV files of looks at learners.
+        results: CSV file of looks at learners.
         picture: Where to draw them; None for nowhere.
     """
-    missing = [str(path) for path in results if not path.exists()]
-    if missing:
-        raise SystemExit(f"there is no {', '.join(missing)}; run own_learners.py and peers_sb3.py first")
+    if not results.exists():
+        raise SystemExit(f"there is no {results}; run own_learners.py first")
     curves = read(results)
     print_tables(curves, Console(width=150))
     if picture is not None:

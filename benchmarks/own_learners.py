@@ -1,4 +1,4 @@
-"""How fast do the learners of this project learn to swim? By the clock and the speed of ``peers_sb3.py``.
+"""How fast do the learners of this project learn to swim? By processor time and by simulation steps.
 
     python benchmarks/own_learners.py
 

@@ -108,14 +108,12 @@ def row(algorithm: str, seed: int, clock: Clock, simulation_steps: int, speed: S
 def swimming_speed(
     act: Callable[[NDArray[np.float64]], NDArray[np.floating]],
     parameters: SwimmerParameters = PAPER,
-    *,
-    hold: int = 1,
 ) -> SwimmingSpeed:
     """The number of ``swimmer_mj.learning.runs.evaluation.evaluate_swimming``, sooner, on one core.
 
     As :func:`swimming_speeds`, over the last 10 of 20 s.
     """
-    (speed,) = swimming_speeds(act, (SPEED,), parameters, hold=hold)
+    (speed,) = swimming_speeds(act, (SPEED,), parameters)
     return speed
 
 

@@ -2,7 +2,6 @@
 
 import compare_learners as compare
 import numpy as np
-import own_learners
 import pytest
 import robustness
 
@@ -49,9 +48,7 @@ def test_top_speed_is_that_of_the_fastest_seed_when_it_was_first_seen():
     assert compare.top_speed_words([slow, fast, slow]) == "1.50 m/s after 60 s"
 
 
-@pytest.mark.parametrize(
-    "path", [*compare.RESULTS, compare.PLOT, own_learners.OUT, robustness.OUT], ids=lambda path: path.name
-)
+@pytest.mark.parametrize("path", [compare.RESULTS, compare.PLOT, robustness.OUT], ids=lambda path: path.name)
 def test_results_are_in_the_repository_wherever_one_stands(path):
     assert path.is_absolute()
     assert path.stat().st_size > 1000
@@ -59,5 +56,5 @@ def test_results_are_in_the_repository_wherever_one_stands(path):
 
 def test_the_results_are_those_of_ten_seeds_of_each_learner():
     curves = compare.read(compare.RESULTS)
-    seeds = dict.fromkeys(("value-gradient", "value-gradient-joints", "td", "ppo", "sac", "td3"), 10)
+    seeds = dict.fromkeys(("value-gradient", "value-gradient-joints", "td"), 10)
     assert {name: len(of_name) for name, of_name in curves.items()} == seeds
