@@ -20,19 +20,10 @@ from typing import Any
 import torch
 import tyro
 from rich.console import Console
-from yardstick import Row, fill, looks
+from yardstick import Row, fill, looks, swimming_and_steady_speed
 
 from swimmer_mj.cli.training import changed, configured
-from swimmer_mj.learning.problems.problem import N_EPISODES
 from swimmer_mj.learning.problems.swim import Swimming
-from swimmer_mj.learning.problems.swim.environment import (
-    SPEED,
-    STEADY,
-    SwimmingPolicy,
-    distances,
-    evaluation_states,
-    mean_speed,
-)
 from swimmer_mj.learning.value_gradient.method import ValueGradients
 
 OUT = Path(__file__).parent / "results" / "swimmer-coordinates.csv"
@@ -62,10 +53,7 @@ def learn(name: str, seed: int, seconds: float, console: Console) -> list[Row]:
     learner.step()  # compiles
     parameters, rows = problem.parameters, []
     for clock in looks(learner.step, LOOKS, seconds):
-        agent = SwimmingPolicy(learner.policy(), batches=True)
-        starts = evaluation_states(parameters.n_links)[:N_EPISODES]
-        travelled = distances(agent, parameters, starts, STEADY[1], 1)
-        speeds = (f"{mean_speed(travelled, *span).mean():.4f}" for span in (SPEED, STEADY))
+        speeds = (f"{speed:.4f}" for speed in swimming_and_steady_speed(learner.policy(), parameters))
         steps, at = learner.simulation_steps, clock.before[0]
         rows.append((name, seed, parameters.n_links, f"{at:.1f}", steps, *speeds))
         console.print(*rows[-1])

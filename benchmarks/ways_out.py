@@ -21,18 +21,10 @@ import tyro
 from gait_shares import best_gaits, swim
 from numpy.typing import NDArray
 from rich.console import Console
-from yardstick import Row, fill, looks
+from yardstick import Row, fill, looks, swimming_and_steady_speed
 
 from swimmer_mj.cli.training import configured
 from swimmer_mj.learning.problems.swim import Swimming
-from swimmer_mj.learning.problems.swim.environment import (
-    SPEED,
-    STEADY,
-    SwimmingPolicy,
-    distances,
-    evaluation_states,
-    mean_speed,
-)
 from swimmer_mj.learning.value_gradient.learner import ValueGradientLearner
 from swimmer_mj.learning.value_gradient.method import ValueGradients
 
@@ -130,12 +122,10 @@ def learn(name: str, seed: int, seconds: float, console: Console) -> list[Row]:
         heed(learner.simulation_steps)
 
     (clock,) = looks(one_round, (), seconds)
-    parameters = problem.parameters
-    policy, starts = learner.policy(), evaluation_states(parameters.n_links)
-    travelled = distances(SwimmingPolicy(policy, batches=True), parameters, starts, STEADY[1], 1)
-    speeds = (f"{mean_speed(travelled, *span).mean():.4f}" for span in (SPEED, STEADY))
-    share = swim(policy, np.zeros(1)).folded.mean()
-    row = (name, seed, f"{clock.before[0]:.1f}", learner.simulation_steps, *speeds, f"{share:.4f}")
+    policy = learner.policy()
+    judged = *swimming_and_steady_speed(policy, problem.parameters), swim(policy, np.zeros(1)).folded.mean()
+    numbers = (f"{number:.4f}" for number in judged)
+    row = (name, seed, f"{clock.before[0]:.1f}", learner.simulation_steps, *numbers)
     console.print(*row)
     return [row]
 

@@ -14,8 +14,17 @@ from numpy.typing import NDArray
 from swimmer_mj.environments.vector import SwimmerVectorEnv
 from swimmer_mj.intervals import mean_and_interval
 from swimmer_mj.learning.experiments.made import note_made
+from swimmer_mj.learning.problems.forms import Policy
 from swimmer_mj.learning.problems.problem import N_EPISODES
-from swimmer_mj.learning.problems.swim.environment import SPEED, SwimmingSpeed, evaluation_states
+from swimmer_mj.learning.problems.swim.environment import (
+    SPEED,
+    STEADY,
+    SwimmingPolicy,
+    SwimmingSpeed,
+    distances,
+    evaluation_states,
+    mean_speed,
+)
 from swimmer_mj.parameters import PAPER, SwimmerParameters
 
 CONTROL_TIMESTEP = 0.01  # s
@@ -103,6 +112,14 @@ def row(algorithm: str, seed: int, clock: Clock, simulation_steps: int, speed: S
     processor, wall = clock.before
     numbers = map("{:.4f}".format, (speed.mean, *speed.ci95))
     return (algorithm, seed, f"{processor:.1f}", f"{wall:.1f}", simulation_steps, *numbers)
+
+
+def swimming_and_steady_speed(policy: Policy, parameters: SwimmerParameters = PAPER) -> tuple[float, float]:
+    """Mean speeds over the last 10 of 20 s and over seconds 30 to 60, m/s, as ``evaluate`` has them, on one core."""
+    starts = evaluation_states(parameters.n_links)[:N_EPISODES]
+    travelled = distances(SwimmingPolicy(policy, batches=True), parameters, starts, STEADY[1], 1)
+    speed, steady = (float(mean_speed(travelled, *span).mean()) for span in (SPEED, STEADY))
+    return speed, steady
 
 
 def swimming_speed(
