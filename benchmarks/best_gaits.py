@@ -23,7 +23,7 @@ from swimmer_mj.learning.experiments.gaits.gait import BEST, GLIDE, Gait, load_g
 from swimmer_mj.learning.experiments.gaits.transcription import Program, Solution
 from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.experiments.tables import LOGS
-from swimmer_mj.learning.pretrained import load_pretrained, pretrained_card, pretrained_names
+from swimmer_mj.learning.pretrained import load_pretrained, pretrained_card, pretrained_swimmers
 from swimmer_mj.parameters import SwimmerParameters
 
 LOG = LOGS / "gaits.csv"
@@ -50,7 +50,7 @@ def candidates(links: int, speed: float, n_intervals: int) -> Iterator[Start]:
         yield f"wave {duration:g} s, {lag:g} rad", partial(starts.wave, p, duration, lag, n_intervals)
     rng = np.random.default_rng([links, round(100 * speed)])
     yield "random", partial(starts.random_motion, p, rng, n_intervals)
-    for name in pretrained_names():
+    for name in pretrained_swimmers():
         steady = pretrained_card(name)["swimming_speed"]
         if name.startswith(f"swim{links}-") and speed == min(SPEEDS, key=lambda v: abs(v - steady)):
             yield name, partial(learned_stroke, name)

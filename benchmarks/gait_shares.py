@@ -25,7 +25,7 @@ from swimmer_mj.learning.experiments.gaits.gait import BEST, Gait, load_gaits
 from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.experiments.tables import read_table, write_table
 from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.pretrained import load_pretrained, pretrained_names
+from swimmer_mj.learning.pretrained import load_pretrained, pretrained_swimmers
 from swimmer_mj.learning.problems.swim.environment import evaluation_states
 from swimmer_mj.parameters import SwimmerParameters
 
@@ -78,7 +78,7 @@ def swim(
     return Swum((way / (duration - settled)).reshape(shape), (folded / steps).reshape(shape))
 
 
-def main(policies: tuple[str, ...] = pretrained_names(), out: Path = OUT) -> None:
+def main(policies: tuple[str, ...] = pretrained_swimmers(), out: Path = OUT) -> None:
     """Measure each.
 
     Args:

@@ -14,7 +14,7 @@ import tyro
 
 from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.experiments.tables import write_table
-from swimmer_mj.learning.pretrained import pretrained_directory, pretrained_names
+from swimmer_mj.learning.pretrained import pretrained_directory, pretrained_swimmers
 from swimmer_mj.learning.runs.config import read_config
 from swimmer_mj.learning.runs.evaluation import evaluate_run
 
@@ -31,7 +31,7 @@ def main(out: Path = OUT) -> None:
     """
     torch.set_num_threads(1)
     rows = []
-    for name in pretrained_names():
+    for name in pretrained_swimmers():
         directory = pretrained_directory(name)
         found = evaluate_run(directory)
         means = (found[f"{measure}_mean"] for measure in MEASURES)

@@ -28,7 +28,7 @@ from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments.made import note_made
 from swimmer_mj.learning.experiments.summaries import Summary
 from swimmer_mj.learning.experiments.tables import Table, read_table, rows_where, write_table
-from swimmer_mj.learning.pretrained import load_pretrained, pretrained_names
+from swimmer_mj.learning.pretrained import load_pretrained, pretrained_swimmers
 from swimmer_mj.learning.problems.forms import Policy
 from swimmer_mj.learning.problems.swim.environment import evaluation_states
 from swimmer_mj.parameters import SwimmerParameters
@@ -153,7 +153,7 @@ def _mean(taken: Sequence[Table], column: str) -> str:
     return text if there.all() else f"{text}; {there.sum()} of {there.size}"
 
 
-def main(policies: tuple[str, ...] = pretrained_names(), starts: int = STARTS, out: Path = OUT) -> None:
+def main(policies: tuple[str, ...] = pretrained_swimmers(), starts: int = STARTS, out: Path = OUT) -> None:
     """Turn each.
 
     Args:

@@ -15,7 +15,7 @@ import pytest
 from swimmer_mj.cli import COMMANDS, main, output, pictures, viewing
 from swimmer_mj.cli.runs import free_directory
 from swimmer_mj.cli.training import parse_seeds, train
-from swimmer_mj.learning.pretrained import pretrained_card, pretrained_names
+from swimmer_mj.learning.pretrained import pretrained_card, pretrained_swimmers
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs.config import read_config
 from swimmer_mj.learning.td.method import TemporalDifferences
@@ -661,7 +661,7 @@ def test_trains_value_gradients(tmp_path, capsys):
 
 def test_a_pretrained_policy_keeps_its_name_beside_pictures_of_it(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (name, *_) = pretrained_names()
+    (name, *_) = pretrained_swimmers()
     status, _, err = run(capsys, "render", name, "--duration", "1", "--fps", "5")
     assert status == 0, err
     assert (tmp_path / name / "film-strip.png").is_file()

@@ -2,11 +2,12 @@
 
     python tools/ship_policy.py RUN NAME --chosen "fastest of 8 seeds"
 
-evaluates them on MuJoCo through dm_control, and writes learning/pretrained/NAME.
+evaluates them in their environment on MuJoCo, and writes learning/pretrained/NAME.
 """
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -14,13 +15,16 @@ from pathlib import Path
 import torch
 import tyro
 
-from swimmer_mj.learning.problems.forms import SwimmerForm
-from swimmer_mj.learning.problems.swim.environment import SwimmingPolicy, evaluate_swimming
+from swimmer_mj.intervals import mean_and_interval
+from swimmer_mj.learning.problems.forms import EnvironmentForm
+from swimmer_mj.learning.problems.problem import N_EPISODES
 from swimmer_mj.learning.runs.checkpoint import load_checkpoint, save_checkpoint
 from swimmer_mj.learning.runs.config import CONFIG
 from swimmer_mj.learning.runs.run import BEST, LOG, load_policy
 
 PRETRAINED = Path(__file__).parent.parent / "learning" / "pretrained"
+ON_THE_CARD = {"speed": ("swimming_speed", "episode_speeds"), "return": ("return", "episode_returns")}
+"""What a mean and the episodes' values are called there, by the environment's measure."""
 
 
 def main(run: tyro.conf.Positional[Path], name: tyro.conf.Positional[str], chosen: str) -> None:
@@ -33,18 +37,20 @@ def main(run: tyro.conf.Positional[Path], name: tyro.conf.Positional[str], chose
     """
     torch.set_num_threads(1)
     policy, config, _ = load_policy(run)
-    swimmer = config.problem.form(SwimmerForm)
-    if swimmer is None:
-        raise SystemExit(f"{run} learned {config.problem.name!r}; only swimmers are shipped")
-    speed = evaluate_swimming(SwimmingPolicy(policy, batches=True), swimmer.parameters)
+    environment = config.problem.form(EnvironmentForm)
+    if environment is None:
+        raise SystemExit(f"{run} learned {config.problem.name!r}, which has no environment to be judged in")
+    values = environment.evaluate(policy, N_EPISODES, os.cpu_count() or 1)
+    mean, ci95 = mean_and_interval(values)
+    named, each = ON_THE_CARD[environment.measure]
     tensors, info = load_checkpoint(run / BEST)
     commit = subprocess.run(
         ["git", "rev-parse", "--short=12", "HEAD"], check=True, capture_output=True, text=True
     ).stdout.strip()
     card = {
-        "swimming_speed": round(speed.mean, 4),
-        "ci95": [round(bound, 4) for bound in speed.ci95],
-        "episode_speeds": [round(v, 4) for v in speed.speeds.tolist()],
+        named: round(mean, 4),
+        "ci95": [round(bound, 4) for bound in ci95],
+        each: [round(value, 4) for value in values.tolist()],
         "seed": config.seed,
         "chosen": chosen,
         "commit": commit,
@@ -55,7 +61,7 @@ def main(run: tyro.conf.Positional[Path], name: tyro.conf.Positional[str], chose
     for file in (CONFIG, LOG):
         shutil.copyfile(run / file, target / file)
     save_checkpoint(target / BEST, tensors, card)
-    print(f"{target}: {speed.mean:.3f} m/s")
+    print(f"{target}: {environment.measure} {mean:.3f} {environment.unit}")
 
 
 if __name__ == "__main__":

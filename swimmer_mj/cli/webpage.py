@@ -79,14 +79,14 @@ def described_policies(
     import os
 
     from swimmer_mj.intervals import known_interval, mean_and_interval
-    from swimmer_mj.learning.pretrained import PRETRAINED, pretrained_directory, pretrained_names
+    from swimmer_mj.learning.pretrained import PRETRAINED, pretrained_directory, pretrained_swimmers
     from swimmer_mj.learning.problems.forms import EnvironmentForm
     from swimmer_mj.learning.runs.run import load_policy
     from swimmer_mj.render.page.policies import describe, require_playable
 
     described = []
+    require_playable(policy, str(directory))  # before the evaluation, which takes seconds
     if directory.parent != PRETRAINED:
-        require_playable(policy, str(directory))  # before the evaluation, which takes seconds
         if speed is None:
             environment = policy.problem.form(EnvironmentForm)
             assert environment is not None  # a swimmer has one
@@ -94,7 +94,7 @@ def described_policies(
             speed = mean, known_interval(interval)
         label = f"{_label(config)}, this run"
         described.append(describe(policy, str(directory), label, *speed))
-    for name in pretrained_names():
+    for name in pretrained_swimmers():
         shipped, shipped_config, card = load_policy(pretrained_directory(name))
         label = _shipped_label(name, _label(shipped_config))
         described.append(describe(shipped, name, label, card["swimming_speed"], card["ci95"]))

@@ -6,7 +6,7 @@ import pytest
 import tables
 from compare_learners import Curve
 
-from swimmer_mj.learning.pretrained import pretrained_card, pretrained_names
+from swimmer_mj.learning.pretrained import pretrained_card, pretrained_swimmers
 
 
 def curve(seconds, speeds):
@@ -43,6 +43,6 @@ def test_students_interval_covers_better_than_the_bootstrap():
 
 def test_every_shipped_policy_is_in_the_table_with_the_speed_of_its_card():
     rows = tables.policies().rows
-    assert [row[0] for row in rows] == [f"`{name}`" for name in pretrained_names()]
-    for row, name in zip(rows, pretrained_names(), strict=True):
+    assert [row[0] for row in rows] == [f"`{name}`" for name in pretrained_swimmers()]
+    for row, name in zip(rows, pretrained_swimmers(), strict=True):
         assert float(row[1]) == pytest.approx(pretrained_card(name)["swimming_speed"], abs=0.02)

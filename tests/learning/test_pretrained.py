@@ -5,14 +5,21 @@ import pytest
 from numpy.testing import assert_allclose
 
 from swimmer_mj.learning import load_pretrained
-from swimmer_mj.learning.pretrained import pretrained_card, pretrained_directory, pretrained_names
+from swimmer_mj.learning.pretrained import (
+    pretrained_card,
+    pretrained_directory,
+    pretrained_names,
+    pretrained_swimmers,
+)
+from swimmer_mj.learning.problems.mujoco.task import MujocoTask
 from swimmer_mj.learning.problems.swim.environment import SwimmingPolicy, evaluate_swimming
 from swimmer_mj.learning.runs.config import read_config
+from swimmer_mj.learning.runs.run import load_policy
 
 N_EPISODES = 12
 
 
-@pytest.mark.parametrize("name", pretrained_names())
+@pytest.mark.parametrize("name", pretrained_swimmers())
 def test_swims_as_fast_as_its_card_says(name):
     """By the card's first episodes: rounding that differs between processors may shift a switch, not the gait."""
     agent, card = load_pretrained(name), pretrained_card(name)
@@ -25,6 +32,23 @@ def test_swims_as_fast_as_its_card_says(name):
     method = read_config(pretrained_directory(name)).to_json()["method"]["name"]
     assert method == ("td" if name.endswith("-paper") else "value-gradient")
     assert {"seed", "commit", "trial", "chosen", "ci95"} <= set(card)
+
+
+@pytest.mark.parametrize("name", sorted({*pretrained_names()} - {*pretrained_swimmers()}))
+def test_earns_in_its_environment_what_its_card_says(name):
+    policy, config, _ = load_policy(pretrained_directory(name))
+    card = pretrained_card(name)
+    assert isinstance(config.problem, MujocoTask)
+    returns = config.problem.returns(policy, range(N_EPISODES))
+    assert_allclose(returns.mean(), np.mean(card["episode_returns"][:N_EPISODES]), rtol=0.02)
+    assert np.mean(card["episode_returns"]) == pytest.approx(card["return"], abs=1e-4)
+    assert {"seed", "commit", "trial", "chosen", "ci95"} <= set(card)
+
+
+def test_another_task_s_policy_is_no_swimmer():
+    complaint = r"'cartpole-swingup' learned dm_control/cartpole/swingup, and swimmers were asked for; use load_policy"
+    with pytest.raises(ValueError, match=complaint):
+        load_pretrained("cartpole-swingup")
 
 
 def test_acts_in_the_task_of_its_links(suite):

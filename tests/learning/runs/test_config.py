@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from swimmer_mj.cli.training import configured
-from swimmer_mj.learning.pretrained import pretrained_directory, pretrained_names
+from swimmer_mj.learning.pretrained import pretrained_directory, pretrained_swimmers
 from swimmer_mj.learning.problems.cart_pole import CartPole
 from swimmer_mj.learning.problems.differentiable import DifferentiableProblem
 from swimmer_mj.learning.problems.pendulum import Pendulum
@@ -204,7 +204,7 @@ def test_a_policy_of_version_0_1_judges_as_it_did(name):
 
 def test_pretrained_policies_are_read_those_of_version_0_1_too():
     old = 0
-    for name in pretrained_names():
+    for name in pretrained_swimmers():
         directory = pretrained_directory(name)
         old += "schema" not in json.loads((directory / "config.json").read_text())
         assert read_config(directory).problem.name == name.split("-")[0]

@@ -7,7 +7,7 @@ import pytest
 from swimmer_mj.cli import main
 from swimmer_mj.learning.networks.networks import Cascade
 from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.pretrained import pretrained_names
+from swimmer_mj.learning.pretrained import pretrained_swimmers
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.render.page import assemble
 from swimmer_mj.render.page.policies import describe
@@ -95,7 +95,7 @@ def test_the_command(tmp_path, capsys):
     assert main(["page", str(SWIMMER), "--out", str(out), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["bytes"] == out.stat().st_size < assemble.MAX_BYTES
-    assert report["policies"] == [str(SWIMMER), *pretrained_names()]
+    assert report["policies"] == [str(SWIMMER), *pretrained_swimmers()]
     assert f'"chosen": {json.dumps(str(SWIMMER))}' in out.read_text()
 
 

@@ -16,7 +16,7 @@ from swimmer_mj import PAPER, SwimmerParameters
 from swimmer_mj import state as st
 from swimmer_mj.learning.networks.networks import Multilayer
 from swimmer_mj.learning.networks.policy import GreedyPolicy
-from swimmer_mj.learning.pretrained import pretrained_card, pretrained_directory, pretrained_names
+from swimmer_mj.learning.pretrained import pretrained_card, pretrained_directory, pretrained_swimmers
 from swimmer_mj.learning.problems.problem import DT, episode_shares
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.problems.swim.environment import evaluation_states
@@ -92,7 +92,7 @@ def test_is_one_file_that_needs_nothing_else(browser, page_file):
     assert browser.requests(page_file) == [page_file.as_uri()]
     assert browser.complaints() == []
     assert page_file.stat().st_size < MAX_BYTES
-    assert browser.js("swimmer.policies()") == list(pretrained_names())
+    assert browser.js("swimmer.policies()") == list(pretrained_swimmers())
 
 
 # Physics and policies ---------------------------------------------------------------------------------------------
