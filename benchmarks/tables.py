@@ -17,6 +17,7 @@ from open_loop_wave import OUT as WAVE_LOG
 from planners import OUT as PLANNERS_LOG
 
 from swimmer_mj.intervals import mean_and_interval_text
+from swimmer_mj.learning.experiments.long_runs import SWIMMERS
 from swimmer_mj.learning.experiments.made import ways
 from swimmer_mj.learning.experiments.summaries import Summary
 from swimmer_mj.learning.experiments.tables import LOGS, read_table
@@ -405,13 +406,13 @@ def short(value: float | str) -> str:
 def long_runs(logs: Path) -> Summary:
     """How long the long runs took."""
     rows = []
-    for name, size in (("swim3", "3, 30"), ("swim4", "4, 60"), ("swim5", "5, 60")):
-        table = read_table(logs / f"{name}.csv")
-        for preset, eta in (("paper", "0.01"), ("tuned", "0.16")):
+    for name, swimmer in SWIMMERS.items():
+        table, size = read_table(logs / f"{name}.csv"), f"{swimmer.links}, {swimmer.neurons}"
+        for preset, eta in swimmer.etas.items():
             of_preset = table["preset"] == preset
             seeds = len(np.unique(table["seed"][of_preset]))
             trials, hours = table["trial"][of_preset].max(), table["seconds"][of_preset].max() / 3600
-            rows.append((f"`{name}.csv`", size, eta, str(seeds), f"{trials:,.0f}", f"{hours:.1f}"))
+            rows.append((f"`{name}.csv`", size, f"{eta:g}", str(seeds), f"{trials:,.0f}", f"{hours:.1f}"))
     return Summary(
         "", ("log", "links, neurons", "η", "learners", "trials of each", "hours of the pack"), rows
     )

@@ -12,7 +12,7 @@ from swimmer_mj.intervals import mean_and_interval
 from swimmer_mj.learning.experiments import linear_swimmer, long_runs, noise_at_length, rates_at_length
 from swimmer_mj.learning.experiments.section_3_3 import power_of_n
 from swimmer_mj.learning.experiments.section_3_4 import METHODS
-from swimmer_mj.learning.experiments.tables import LOGS, Path, Table, last_look, read_table, rows_where
+from swimmer_mj.learning.experiments.tables import LOGS, Path, last_look, read_table, rows_where
 from swimmer_mj.render.bands import band, end_key, mark_ends, quartiles
 from swimmer_mj.render.figures import (
     BLUE,
@@ -42,18 +42,12 @@ PRESETS = {
 }
 
 
-def _paper_runs(logs: Path, end: float) -> Table:
-    """Those with cosines and sines by the paper's rate, as far as those with angles."""
-    rows = rows_where(read_table(logs / "swim5.csv"), preset="paper")
-    return {name: column[rows["trial"] <= end] for name, column in rows.items()}
-
-
 def draw_raw_angles(logs: Logs = LOGS) -> Figure:
     """Mean value and speed against trials by what the network hears; runs that diverged end where they did."""
     logs = Path(logs)
     tables = {name: read_table(logs / f"{name}.csv") for name in long_runs.ANGLES}
     end = max(float(table["trial"].max()) for table in tables.values())
-    tables = {"swim5": _paper_runs(logs, end), **tables}
+    tables = {"swim5": long_runs.paper_runs(logs, end), **tables}
     figure = Figure(figsize=(10.5, 6.0), layout="constrained")
     panels = figure.subplots(2, 3, sharex=True, sharey="row")
     for (speed, value), (name, table) in zip(panels.T, tables.items(), strict=True):

@@ -66,6 +66,12 @@ EXPERIMENTS: dict[str, Experiment] = {
             for n in (3, 4)
         ),
         Experiment(
+            "raw-angles",
+            "5 links with the state's 12 numbers as inputs, angles within a turn and unwrapped",
+            long_runs.run_angles,
+            tuple(f"{name}.csv" for name in long_runs.ANGLES),
+        ),
+        Experiment(
             "section-3.3",
             "noise of output connections over that of internal ones against the number of neurons",
             section_3_3.run,

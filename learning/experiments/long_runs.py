@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from swimmer_mj.learning.experiments.tables import LOGS, write_table
+from swimmer_mj.learning.experiments.tables import LOGS, Table, read_table, rows_where, write_table
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs.config import CONFIG, RunConfig, read_config
 from swimmer_mj.learning.runs.run import LOG as METRICS_LOG
@@ -37,6 +37,7 @@ __all__ = [
     "configurations",
     "open_run",
     "open_runs",
+    "paper_runs",
     "run",
     "run_angles",
 ]
@@ -149,3 +150,13 @@ def run_angles(directory: str | os.PathLike[str] = LOGS, report: Callable[[str],
             run(name, directory, report)
         except FloatingPointError as error:
             report(str(error))
+
+
+def paper_runs(directory: str | os.PathLike[str], end: float) -> Table:
+    """The rows of 5 links by the paper's rate, with cosines and sines as inputs, to trial ``end``.
+
+    The committed log's, where the directory has none.
+    """
+    log = Path(directory) / "swim5.csv"
+    rows = rows_where(read_table(log if log.exists() else LOGS / "swim5.csv"), preset="paper")
+    return {name: column[rows["trial"] <= end] for name, column in rows.items()}

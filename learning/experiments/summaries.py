@@ -350,6 +350,7 @@ TABLES: dict[str, Callable[[Logs], Summary]] = {
     "figure-2": partial(learning_times, "swim5"),
     "figure-2-3-links": partial(learning_times, "swim3"),
     "figure-2-4-links": partial(learning_times, "swim4"),
+    "raw-angles": summaries_at_length.raw_angles,
     "section-3.3": noise_ratios,
     "rates-at-length": summaries_at_length.rates,
     "linear-swimmer": summaries_at_length.linear,

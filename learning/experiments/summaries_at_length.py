@@ -47,7 +47,7 @@ def raw_angles(logs: Logs = LOGS) -> Summary:
     """Speeds with angles as inputs beside those with cosines and sines, and which seeds diverged."""
     tables = {name: read_table(Path(logs) / f"{name}.csv") for name in long_runs.ANGLES}
     end = max(float(table["trial"].max()) for table in tables.values())
-    tables = {"swim5": rows_where(read_table(Path(logs) / "swim5.csv"), preset="paper"), **tables}
+    tables = {"swim5": long_runs.paper_runs(logs, end), **tables}
     marks = [mark for mark in (100_000.0, 300_000.0, 1_000_000.0) if mark <= end]
     rows = []
     for name, table in tables.items():
@@ -57,8 +57,7 @@ def raw_angles(logs: Logs = LOGS) -> Summary:
                 continue
             whole = int((of["trial"] == end).sum())
             speeds = [_mean(rows_where(of, trial=mark)["speed"]) for mark in marks]
-            until = {key: column[of["trial"] <= end] for key, column in of.items()}
-            best = max(until["speed"])
+            best = max(of["speed"])
             count = len(long_runs.SEEDS)
             rows.append((INPUTS[name], f"{eta:g}", f"{count - whole} of {count}", *speeds, f"{best:.2f}"))
     header = (

@@ -31,6 +31,15 @@ def test_the_papers_twelve_inputs_are_those_of_the_state():
         assert SWIMMERS[name].trials["paper"] == 1_000_000
 
 
+def test_they_are_compared_with_the_committed_log_where_a_folder_has_none(tmp_path):
+    rows = long_runs.paper_runs(tmp_path, 40_000.0)
+    assert sorted(set(rows["trial"])) == [20_000.0, 40_000.0]
+    assert len(set(rows["seed"])) == 8
+    assert set(rows["preset"]) == {"paper"}
+    (tmp_path / "swim5.csv").write_text("preset,seed,trial\npaper,9,20000\ntuned,8,20000\npaper,7,60000\n")
+    assert long_runs.paper_runs(tmp_path, 40_000.0)["seed"].tolist() == [9.0]
+
+
 def test_a_run_that_diverges_leaves_the_others_and_its_own_rows(tmp_path, monkeypatch):
     tame = Swimmer(3, 6, {"tame": 4, "wild": 4}, 1.0, etas={"tame": 0.01, "wild": 1e8})
     monkeypatch.setattr(long_runs, "SEEDS", range(2))
