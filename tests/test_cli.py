@@ -132,7 +132,7 @@ def test_help_imports_nothing_heavy():
         (["render", "nowhere", "--duration", "inf"], "--duration must be finite and at least 1 s, got inf"),
         (["render", "nowhere", "--duration", "nan"], "--duration must be finite and at least 1 s, got nan"),
         (["render", "nowhere", "--fps", "0"], "--fps must be at least 1, got 0"),
-        (["info", "nowhere"], "nor is it one of the pretrained policies swim"),
+        (["info", "nowhere"], "nor is it one of the pretrained policies cartpole-swingup, swim3-paper"),
         (["view"], "{swim3,swim4,swim5,steer3,steer4,steer5}"),
         (["view", "swim6"], "swim6"),
         (["view", "swim5", "--seed", "-1"], "--seed must not be negative, got -1"),
