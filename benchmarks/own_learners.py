@@ -153,11 +153,11 @@ def main(
     """
     torch.set_num_threads(1)
     for name in algorithms:
-        todo = [seed for seed in seeds if (name, str(seed)) not in finished(out)]
-        if todo:
+        left = [seed for seed in seeds if (name, str(seed)) not in finished(out)]
+        if left:
             compiled: Learner = LEARNERS[name](0)
             compiled.learn()
-        for seed in todo:
+        for seed in left:
             append(out, run(name, seed, SECONDS[name] if seconds is None else seconds))
 
 
