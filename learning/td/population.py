@@ -21,11 +21,13 @@ from swimmer_mj.learning.problems.problem import ControlProblem, require_euler
 from swimmer_mj.learning.td import population_kernel as kernel
 from swimmer_mj.learning.td import vario_eta
 from swimmer_mj.learning.td.fused import FusedTD, TrialStatistics
+from swimmer_mj.learning.td.vario_eta import VarioEta
 
 __all__ = ["LANES", "PopulationTD"]
 
 Array = NDArray[np.float64]
 Real = NDArray[Any]  # the learners' dtype
+Mask = NDArray[np.bool_]
 
 
 def _same_problem(a: ControlProblem, b: ControlProblem) -> bool:
@@ -109,17 +111,20 @@ class PopulationTD:
         ws.weight[:] = self._load("weight")
         rate = self._load("rate")
         ws.rate[:] = rate if self._rate_each else rate[np.cumsum(self._connected.sum(axis=1)) - 1]
-        vario = [learner.settings.vario is not None for learner in self.learners]
-        stretch = 1 if any(vario) else max(len(states), 1)
+        base_rate, variance = self._load("base_rate"), self._load("variance")
+        vario = self._vario(base_rate)
+        stretch = 1 if vario else max(len(states), 1)
         for k in range(0, len(states), stretch):
-            before = ws.weight.copy() if any(vario) else None
+            before = ws.weight.copy() if vario else ws.weight
             self._train(states[k : k + stretch], statistics[k : k + stretch])
-            if before is not None:
-                self._adapt(before)
+            for (eta, constants), learns in vario.items():
+                self._adapt(before, variance, base_rate, learns, eta, constants)
         for lane, learner in enumerate(self.learners):
             learner.weight.numpy()[self._connected] = ws.weight[:, lane]
             if self._rate_each:
                 learner.rate.numpy()[self._connected] = ws.rate[:, lane]
+            if learner.settings.vario is not None:
+                learner.variance.numpy()[self._connected] = variance[:, lane]
         return TrialStatistics(*np.moveaxis(statistics[:, :count], -1, 0))
 
     def _train(self, states: Array, statistics: Array) -> None:
@@ -137,17 +142,22 @@ class PopulationTD:
             statistics,
         )
 
-    def _adapt(self, before: Real) -> None:
-        """Vario-eta after a trial, for the learners that have it."""
+    def _vario(self, base_rate: Real) -> dict[tuple[float, VarioEta], Mask]:
+        """What learns by vario-eta, (n_weights, LANES), by eta and constants: one mask if learners have the same."""
+        masks: dict[tuple[float, VarioEta], Mask] = {}
         for lane, learner in enumerate(self.learners):
-            settings, vario = learner.settings, learner.settings.vario
-            if vario is None:
-                continue
-            learns = learner.base_rate.numpy()[self._connected] > 0
-            variance = learner.variance.numpy()
-            change = (self._ws.weight[:, lane] - before[:, lane])[learns]
-            place = tuple(axis[learns] for axis in np.nonzero(self._connected))
-            v = vario_eta.variance(variance[place], change, self._ws.rate[learns, lane], vario.beta)
-            variance[place] = v
-            rate = vario_eta.learning_rate(v, settings.eta, vario.epsilon)
-            self._ws.rate[learns, lane] = learner.base_rate.numpy()[place] * rate
+            settings = learner.settings
+            if settings.vario is not None:
+                none = np.zeros(base_rate.shape, dtype=np.bool_)
+                mask = masks.setdefault((settings.eta, settings.vario), none)
+                mask[:, lane] = base_rate[:, lane] > 0
+        return masks
+
+    def _adapt(
+        self, before: Real, variance: Real, base_rate: Real, learns: Mask, eta: float, vario: VarioEta
+    ) -> None:
+        """Vario-eta after a trial, where ``learns``. Changes ``variance`` and the rates."""
+        change = self._ws.weight[learns] - before[learns]
+        v = vario_eta.variance(variance[learns], change, self._ws.rate[learns], vario.beta)
+        variance[learns] = v
+        self._ws.rate[learns] = base_rate[learns] * vario_eta.learning_rate(v, eta, vario.epsilon)
