@@ -16,11 +16,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from swimmer_mj.compiled.elementary import cos_sin_of_lanes
-from swimmer_mj.compiled.vectors import LANES, OPTIONS, convert, load, store
+from swimmer_mj.compiled.vectors import LANES, OPTIONS, convert, load, nearest, store
 from swimmer_mj.learning.problems.forms import LanesForm
 from swimmer_mj.learning.problems.swim.batched_equations import derivative_of_lanes, workspace
 from swimmer_mj.learning.problems.swim.reduced import reduced_constants
-from swimmer_mj.learning.problems.swim.swimming import RATE_SCALE, Swimming
+from swimmer_mj.learning.problems.swim.swimming import RATE_SCALE, TURN, Swimming
 
 __all__ = ["make"]
 
@@ -30,12 +30,10 @@ Real = NDArray[Any]
 
 def make(problem: Swimming) -> LanesForm | None:
     """The swimmer for a pack; None if it has to be asked for one state at a time."""
-    if problem.encoding != "circle" or problem.integrator != "euler":
-        return None
-    if problem.coordinates != "links" or problem.held:
+    if problem.integrator != "euler" or problem.coordinates != "links" or problem.held:
         return None
     constants = (workspace(problem.parameters.n_links), reduced_constants(problem.parameters))
-    return LanesForm(constants, _greedy, _encode, _pull_back)
+    return LanesForm(constants, _greedy, *_ENCODINGS[problem.encoding])
 
 
 @njit(**OPTIONS)
@@ -70,3 +68,40 @@ def _pull_back(constants: Any, z: Real, start: int, dVdz: Real, dVdx: Array) -> 
         store(dVdx, (n + i) * LANES, RATE_SCALE * convert(load(dVdz, (2 * n + i) * LANES), double))
     store(dVdx, 2 * n * LANES, convert(load(dVdz, 3 * n * LANES), double))
     store(dVdx, (2 * n + 1) * LANES, convert(load(dVdz, (3 * n + 1) * LANES), double))
+
+
+@njit(**OPTIONS)
+def _encode_unwrapped(constants: Any, x: Array, z: Real, start: int) -> None:
+    n = constants[1].K.shape[0]
+    real = z[0, 0, 0]
+    for i in range(n):
+        store(z, start + i * LANES, convert(load(x, i * LANES), real))
+        store(z, start + (n + i) * LANES, convert(RATE_SCALE * load(x, (n + i) * LANES), real))
+    store(z, start + 2 * n * LANES, convert(load(x, 2 * n * LANES), real))
+    store(z, start + (2 * n + 1) * LANES, convert(load(x, (2 * n + 1) * LANES), real))
+
+
+@njit(**OPTIONS)
+def _encode_wrapped(constants: Any, x: Array, z: Real, start: int) -> None:
+    _encode_unwrapped(constants, x, z, start)
+    for i in range(constants[1].K.shape[0]):
+        theta = load(x, i * LANES)
+        store(z, start + i * LANES, convert(theta - TURN * nearest(theta / TURN), z[0, 0, 0]))
+
+
+@njit(**OPTIONS)
+def _pull_back_angles(constants: Any, z: Real, start: int, dVdz: Real, dVdx: Array) -> None:
+    n = constants[1].K.shape[0]
+    double = dVdx[0]
+    for i in range(n):
+        store(dVdx, i * LANES, convert(load(dVdz, i * LANES), double))
+        store(dVdx, (n + i) * LANES, RATE_SCALE * convert(load(dVdz, (n + i) * LANES), double))
+    store(dVdx, 2 * n * LANES, convert(load(dVdz, 2 * n * LANES), double))
+    store(dVdx, (2 * n + 1) * LANES, convert(load(dVdz, (2 * n + 1) * LANES), double))
+
+
+_ENCODINGS = {
+    "circle": (_encode, _pull_back),
+    "angle": (_encode_wrapped, _pull_back_angles),
+    "unwrapped": (_encode_unwrapped, _pull_back_angles),
+}

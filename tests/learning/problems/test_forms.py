@@ -25,8 +25,8 @@ FORMS = {TorchForm, CompiledForm, LanesForm, BatchForm}
 PROBLEMS = {
     "swim5": (Swimming(), FORMS),
     "unequal": (Swimming(UNEQUAL), FORMS),
-    "raw angles": (Swimming(UNEQUAL, encoding="angle"), {TorchForm, CompiledForm}),
-    "unwrapped angles": (Swimming(UNEQUAL, encoding="unwrapped"), {TorchForm, CompiledForm}),
+    "raw angles": (Swimming(UNEQUAL, encoding="angle"), {TorchForm, CompiledForm, LanesForm}),
+    "unwrapped angles": (Swimming(UNEQUAL, encoding="unwrapped"), {TorchForm, CompiledForm, LanesForm}),
     "pendulum": (Pendulum(mass=1.3, length=0.8, damping=0.2), {TorchForm, CompiledForm}),
     "cart-pole": (CartPole(cart_mass=2.0, pole_mass=0.4), {TorchForm}),
 }
@@ -40,7 +40,13 @@ def every(kind):
 
 @pytest.fixture
 def states(problem):
-    return problem.initial_states(np.random.default_rng(0), BLOCK)
+    """Initial ones, the angles of swimmers after some turns."""
+    rng = np.random.default_rng(0)
+    x = problem.initial_states(rng, BLOCK)
+    if isinstance(problem, Swimming):
+        n = problem.parameters.n_links
+        x[:, :n] += 2 * np.pi * rng.integers(-2, 3, (BLOCK, n))
+    return x
 
 
 @pytest.fixture
