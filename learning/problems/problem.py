@@ -174,7 +174,7 @@ def require_euler(problem: ControlProblem) -> None:
         integrator: Any = getattr(problem, "integrator", None)
         raise ValueError(
             f"this learner integrates by Euler's method, got integrator {integrator!r}; "
-            "use ContinuousTD, which is method td with engine 'torch'"
+            "use SteppedTD, which is method td with engine 'stepped'"
         )
 
 

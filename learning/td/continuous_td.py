@@ -143,19 +143,29 @@ class ContinuousTD:
         actor = None if problem.form(HoldForm) is None else actor_for(problem, network)
         self._slope = partial(GreedyPolicy(problem, network).slope, actor)
 
+    def value_and_slope(self, x: Array) -> tuple[float, Array]:
+        """V and dV/dx (p,) at x (p,); for :meth:`step_weights`, dV/dw there."""
+        with torch.enable_grad():
+            V, dVdx, self._dVdw = value_and_gradients(self.network, self.problem, x)
+        return V, dVdx
+
+    @torch.no_grad()
+    def step_weights(self, H: float) -> None:
+        """One step of weights and traces after :meth:`value_and_slope`."""
+        dt, s_gamma, s_lambda = self.settings.dt, self.problem.s_gamma, self.settings.s_lambda
+        for w, e, eta, gradient in zip(self.weights, self.traces, self.rates, self._dVdw, strict=True):
+            w += dt * weight_derivative(eta, H, e)
+            e += dt * trace_derivative(e, gradient, s_gamma, s_lambda)
+
     @torch.no_grad()
     def learn_at(self, x: Array) -> Moment:
         """One step of weights and traces at state ``x`` (p,), which the caller then moves on under the control."""
-        problem, settings = self.problem, self.settings
-        s_gamma, s_lambda, dt = problem.s_gamma, settings.s_lambda, settings.dt
-        with torch.enable_grad():
-            V, dVdx, dVdw = value_and_gradients(self.network, problem, x)
+        problem = self.problem
+        V, dVdx = self.value_and_slope(x)
         a, B = problem.drift_and_control_matrix(x)
-        u, r = decision(problem, x, dVdx, B, self._slope, dt)
-        H = float(hamiltonian(float(r), V, dVdx, a + B @ u, s_gamma))
-        for w, e, eta, gradient in zip(self.weights, self.traces, self.rates, dVdw, strict=True):
-            w += dt * weight_derivative(eta, H, e)
-            e += dt * trace_derivative(e, gradient, s_gamma, s_lambda)
+        u, r = decision(problem, x, dVdx, B, self._slope, self.settings.dt)
+        H = float(hamiltonian(float(r), V, dVdx, a + B @ u, problem.s_gamma))
+        self.step_weights(H)
         return Moment(u, V, H)
 
     def start_trial(self) -> None:

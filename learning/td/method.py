@@ -1,6 +1,7 @@
-"""Continuous TD(lambda) as a run sees it: settings, a learner with one of three engines, teams of learners.
+"""Continuous TD(lambda) as a run sees it: settings, a learner with one of four engines, teams of learners.
 
-The engines are equal but for rounding: one compiled learner, one of a pack of them, or the readable reference.
+The engines are equal but for rounding: one compiled learner, one of a pack of them, one whose network is compiled and
+whose problem is not, or the readable reference.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from swimmer_mj.learning.problems.settings import require_choices, require_units
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
 from swimmer_mj.learning.td.fused import FusedTD, obstacle
 from swimmer_mj.learning.td.population import LANES, PopulationTD
+from swimmer_mj.learning.td.stepped import SteppedTD
 from swimmer_mj.learning.td.vario_eta import VarioEta
 
 __all__ = ["ETA", "PAPER_NEURONS", "TDLearning", "TDTeam", "TemporalDifferences"]
@@ -53,9 +55,9 @@ class TemporalDifferences:
     """Of the cascade, the output counted."""
     dtype: DType = "float32"
     sigmoid: Sigmoid = "tanh"
-    engine: Literal["auto", "fused", "population", "torch"] = "auto"
+    engine: Literal["auto", "fused", "population", "stepped", "torch"] = "auto"
     """"auto" is "fused" where the problem is compiled and stepped by Euler's method, and its controls are free and of
-    the instant, else "torch"."""
+    the instant, else "stepped"."""
 
     evaluate_every: ClassVar[int] = 2000
     label: ClassVar[str] = "TD(λ)"
@@ -72,7 +74,7 @@ class TemporalDifferences:
         vario_eta: bool = False,
         neurons: int = PAPER_NEURONS,
         dtype: DType = "float32",
-        engine: Literal["auto", "fused", "population", "torch"] = "auto",
+        engine: Literal["auto", "fused", "population", "stepped", "torch"] = "auto",
     ) -> Self:
         """The method by the options of the command line."""
         settings = TDSettings(
@@ -139,7 +141,7 @@ class TDLearning:
         why = obstacle(problem)
         compiled = why is None
         as_problem_steps = self.environment is not None or is_by_euler(problem)
-        auto = "fused" if compiled and as_problem_steps else "torch"
+        auto = "fused" if compiled and as_problem_steps else "stepped"
         engine = method.engine if method.engine != "auto" else auto
         if self.environment is not None and engine == "population":
             raise ValueError(
@@ -147,15 +149,17 @@ class TDLearning:
                 "environment (physics 'mujoco'); use engine 'fused'"
             )
         if self.environment is not None and engine == "fused" and settings.vario is not None:
-            raise ValueError("vario-eta in an environment (physics 'mujoco') needs engine 'torch'")
-        if engine != "torch" and not compiled:
-            raise ValueError(
-                f"engine {engine!r} cannot learn {problem.name!r}, which {why}; use engine 'torch'"
-            )
-        if engine != "torch" and not as_problem_steps:
-            require_euler(problem)
+            raise ValueError("vario-eta in an environment (physics 'mujoco') needs engine 'stepped'")
+        if engine in ("fused", "population"):
+            if not compiled:
+                raise ValueError(
+                    f"engine {engine!r} cannot learn {problem.name!r}, which {why}; use engine 'stepped'"
+                )
+            if not as_problem_steps:
+                require_euler(problem)
         self.fused = FusedTD(problem, self.network, settings) if compiled else None
-        self.torch = ContinuousTD(problem, self.network, settings) if engine == "torch" else None
+        one_by_one = {"stepped": SteppedTD, "torch": ContinuousTD}.get(engine)
+        self.by_steps = None if one_by_one is None else one_by_one(problem, self.network, settings)
         if self.environment is not None:  # which says now what it cannot step
             self._learn_in(self.environment, np.empty((0, problem.state_size)))
 
@@ -173,22 +177,22 @@ class TDLearning:
 
     def _learn(self, states: Array) -> tuple[Array, Array]:
         """A trial from each of ``states``: means of V and H^2 along each."""
-        if self.torch is None and self.environment is None:
+        if self.by_steps is None and self.environment is None:
             assert self.fused is not None  # engine "fused" or "population"
             statistics = self.fused.train(states)
             return statistics.value, statistics.squared_hamiltonian
         if self.environment is not None:
             moments = self._learn_in(self.environment, states)
         else:
-            assert self.torch is not None
-            moments = [moment for x in states for moment in self.torch.run_trial(x)]
+            assert self.by_steps is not None
+            moments = [moment for x in states for moment in self.by_steps.run_trial(x)]
         values = np.array([moment.value for moment in moments]).reshape(len(states), -1)
         hamiltonians = np.array([moment.hamiltonian for moment in moments]).reshape(len(states), -1)
         return values.mean(axis=1), (hamiltonians**2).mean(axis=1)
 
     def _learn_in(self, environment: TrialsForm, states: Array) -> Sequence[Moment]:
         """A trial from each of ``states``."""
-        learner: Learner | None = self.fused if self.torch is None else self.torch
+        learner: Learner | None = self.fused if self.by_steps is None else self.by_steps
         assert learner is not None
         settings = self.method.settings
         return environment.learn(learner, states, settings.trial_duration, settings.dt)
@@ -228,8 +232,8 @@ class TDLearning:
 
     def tensors(self) -> dict[str, Tensor]:
         """Weights, and variances and rates of vario-eta."""
-        if self.torch is not None:
-            variance, rate = self.torch.variances[0], self.torch.rates[0]
+        if self.by_steps is not None:
+            variance, rate = self.by_steps.variances[0], self.by_steps.rates[0]
         else:
             assert self.fused is not None
             variance, rate = self.fused.variance, self.fused.rate

@@ -75,7 +75,7 @@ def train(
     physics: Literal["analytic", "mujoco"] | None = None,
     coordinates: Literal["links", "joints"] | None = None,
     held: bool = False,
-    engine: Literal["fused", "population", "compiled", "torch"] | None = None,
+    engine: Literal["fused", "population", "stepped", "compiled", "torch"] | None = None,
     neurons: int | None = None,
     eta: float | None = None,
     s_gamma: float | None = None,
@@ -115,8 +115,9 @@ def train(
             angles between links and the head's velocity, which with --held swims faster (docs/beyond.md).
         held: Choose the swimmer's torques for the 10 ms for which they are held, not for the instant.
         engine: Of td: one compiled learner at a time (fused), up to 16 of them in the lanes of a processor's vectors
-            (population), or the readable reference (torch, slow). Of value-gradient: compiled or torch. The fastest
-            that can be had is the default; for td, population with more than 4 seeds.
+            (population), one whose problem only Python can step (stepped), or the readable reference (torch, slow).
+            Of value-gradient: compiled or torch. The fastest that can be had is the default; for td, population with
+            more than 4 seeds.
         neurons: Neurons of the cascade, the output counted; 60 by default for td, as in the paper. Without it,
             value-gradient has two layers of 64.
         eta: Learning rate of td; 0.16 by default, 0.0003 with --vario-eta (paper: 0.01, which is slower).
@@ -244,7 +245,7 @@ def train(
 
 
 def _hint(problem: ControlProblem, method: str) -> str | None:
-    """A line, if td has only its reference for ``problem``, and value gradients are compiled."""
+    """A line, if td has to step ``problem`` from Python, and value gradients are compiled."""
     from swimmer_mj.learning.problems.forms import BatchForm, TrialsForm
     from swimmer_mj.learning.td.fused import obstacle
 
@@ -253,7 +254,7 @@ def _hint(problem: ControlProblem, method: str) -> str | None:
     if problem.form(BatchForm) is None:
         return None
     return (
-        f"method td learns {problem.name} by its readable reference, which is slow; the fast one for it is "
+        f"method td steps {problem.name} from Python, one state at a time, which is slow; the fast one for it is "
         "--method value-gradient"
     )
 

@@ -124,9 +124,9 @@ def test_an_interrupted_run_computes_the_same_bits(tmp_path, vario):
     assert resumed.seconds > 0
 
 
-@pytest.mark.parametrize("engine", ["fused", "population", "torch"])
+@pytest.mark.parametrize("engine", ["fused", "population", "stepped", "torch"])
 def test_what_is_learned_in_portions_is_the_same_for_any_law_of_initial_states(tmp_path, engine):
-    brief = {} if engine != "torch" else {"trial_duration": 0.2, "neurons": 3}
+    brief = {} if engine in ("fused", "population") else {"trial_duration": 0.2, "neurons": 3}
     config = dataclasses.replace(small(evaluate_every=10, engine=engine, **brief), problem=Apart())
     whole, parts = (TrainingRun(tmp_path / name, config) for name in ("whole", "parts"))
     advance(whole, stretch=10)
@@ -447,7 +447,7 @@ def test_more_runs_than_workers_share_the_time(tmp_path):
     assert min(run.trial for run in runs) > 0
 
 
-@pytest.mark.parametrize("engine", ["fused", "population", "torch"])
+@pytest.mark.parametrize("engine", ["fused", "population", "stepped", "torch"])
 def test_a_run_that_is_stopped_goes_on_where_it_stood(tmp_path, engine):
     config = small(engine=engine, neurons=4, trial_duration=0.2)
     run = TrainingRun(tmp_path / "run", config)
@@ -711,7 +711,7 @@ def test_packs_are_balanced_and_as_many_as_there_are_workers(tmp_path, groups, w
         (lambda: ValueGradients(neurons=1), "neurons must be at least 2"),
         (
             lambda: TemporalDifferences(engine="fast"),
-            "engine must be one of 'auto', 'fused', 'population', 'torch'; got 'fast'",
+            "engine must be one of 'auto', 'fused', 'population', 'stepped', 'torch'; got 'fast'",
         ),
         (lambda: Swimming(initial_law="slow"), "initial_law must be one of .*'gliding'; got 'slow'"),
         (lambda: Swimming(physics="real"), "physics must be one of 'analytic', 'mujoco'; got 'real'"),
@@ -738,16 +738,16 @@ IN_MUJOCO = Swimming(physics="mujoco")
             TemporalDifferences(engine="population"),
             "learns on compiled equations, and 'swim5' is to be",
         ),
-        (IN_MUJOCO, TemporalDifferences(TDSettings(vario=VarioEta())), "needs engine 'torch'"),
+        (IN_MUJOCO, TemporalDifferences(TDSettings(vario=VarioEta())), "needs engine 'stepped'"),
         (
             CartPole(),
             TemporalDifferences(engine="fused"),
-            "engine 'fused' cannot learn 'cart-pole', which has no compiled form; use engine 'torch'",
+            "engine 'fused' cannot learn 'cart-pole', which has no compiled form; use engine 'stepped'",
         ),
         (
             Dear(),
             TemporalDifferences(engine="population"),
-            "engine 'population' cannot learn 'pendulum', which has controls that cost; use engine 'torch'",
+            "engine 'population' cannot learn 'pendulum', which has controls that cost; use engine 'stepped'",
         ),
         (
             IN_MUJOCO,
