@@ -65,6 +65,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "task-settings": model_tables.task_settings,
     "round-cost": model_tables.round_cost,
     "any-model-variants": model_tables.any_model_variants,
+    "td-on-mujoco": model_tables.td_on_mujoco,
     "own-models": model_tables.own_models,
     "swimmer-as-mjcf": model_tables.swimmer_as_mjcf,
     "swimmer-coordinates": model_tables.swimmer_coordinates,

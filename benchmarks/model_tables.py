@@ -28,6 +28,7 @@ __all__ = [
     "swimmer_as_mjcf",
     "swimmer_coordinates",
     "task_settings",
+    "td_on_mujoco",
 ]
 
 RESULTS = Path(__file__).parent / "results"
@@ -115,6 +116,44 @@ def any_model() -> Summary:
         "listed",
         "seeds at 95 % of the best listed",
         "seeds 10 % below their best in the end",
+    )
+    return Summary("", head, rows)
+
+
+def td_on_mujoco() -> Summary:
+    """As :func:`any_model`, of TD(lambda), with the steps that it was given in all."""
+    kept, seconds = _kept("td-on-mujoco.csv")
+    looks = _rows("td-on-mujoco.csv")
+    fallen, others, rows = fell_back(looks), published(), []
+    gradients, _ = _kept("any-model.csv")
+    for task, returns in kept.items():
+        values = np.array(returns)
+        steps = np.median(
+            [int(row["simulation_steps"]) for row in looks if (row["task"], row["look"]) == (task, "best")]
+        )
+        rows.append(
+            (
+                f"`{task}`",
+                str(len(values)),
+                f"{seconds[task]:.0f}",
+                f"{steps:,.0f}",
+                mean_words(values, ".0f"),
+                f"{values.min():.0f}",
+                str(fallen[task]),
+                f"{np.mean(gradients[task]):.0f}",
+                ", ".join(f"{name} {value:.0f}" for name, value in others.get(task, [])) or "—",
+            )
+        )
+    head = (
+        "task",
+        "seeds",
+        "seconds of a core",
+        "steps, median",
+        "return",
+        "worst seed",
+        "seeds 10 % below their best in the end",
+        "value gradients",
+        "listed",
     )
     return Summary("", head, rows)
 
