@@ -58,6 +58,8 @@ def draw_raw_angles(logs: Logs = LOGS) -> Figure:
             if rows["seed"].size:
                 for axes, quantity in ((speed, "speed"), (value, "mean_value")):
                     band(axes, rows, "trial", quantity, color, label)
+        for axes in (speed, value):
+            mark_ends(axes, list(axes.lines))
         speed.set_title(TITLES[name], fontsize=10)
         value.set_xlabel("trials")
         value.xaxis.set_major_formatter(EngFormatter(sep=""))
@@ -65,8 +67,9 @@ def draw_raw_angles(logs: Logs = LOGS) -> Figure:
     value.set_yscale("symlog", linthresh=1.0)
     panels[0, 0].set_ylabel("swimming speed  (m/s)")
     value.set_ylabel(r"$\langle V \rangle_S$  (m)")
-    handles, labels = panels[0, 1].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=2, frameon=False, handlelength=HANDLE)
+    handles, _ = panels[0, 1].get_legend_handles_labels()
+    handles.append(end_key("weights no longer finite"))
+    figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, handlelength=HANDLE)
     figure.align_ylabels()
     return figure
 
