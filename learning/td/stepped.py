@@ -113,6 +113,13 @@ class SteppedTD(ContinuousTD):
 
     def step_weights(self, H: float) -> None:
         """One step of weights and traces after :meth:`value_and_slope`."""
-        arrays = (tensor.detach().numpy() for tensor in (self.weights[0], self.traces[0], self.rates[0]))
-        decay = self.problem.s_gamma + self.settings.s_lambda
-        update(*arrays, self._delta, self._source, H, decay, self.settings.dt)
+        update(
+            self.weights[0].detach().numpy(),
+            self.traces[0].numpy(),
+            self.rates[0].numpy(),
+            self._delta,
+            self._source,
+            H,
+            self.problem.s_gamma + self.settings.s_lambda,
+            self.settings.dt,
+        )
