@@ -21,14 +21,14 @@ from swimmer_mj.learning.networks.networks import Cascade
 from swimmer_mj.learning.problems.problem import ControlProblem
 from swimmer_mj.learning.td.continuous_td import ContinuousTD, TDSettings
 
-__all__ = ["SteppedTD", "update", "value_and_slopes"]
+__all__ = ["SteppedTD"]
 
 Array = NDArray[np.float64]
 Real = NDArray[Any]  # the network's dtype
 
 
 @entry_point(**OPTIONS)
-def value_and_slopes(weight: Real, source: Real, logistic: bool, delta: Real, slope: Real) -> float:
+def _value_and_slopes(weight: Real, source: Real, logistic: bool, delta: Real, slope: Real) -> float:
     """V of a cascade, given inputs and bias in ``source``; fills the rest of it, and the slopes of V.
 
     Parameters
@@ -67,7 +67,7 @@ def value_and_slopes(weight: Real, source: Real, logistic: bool, delta: Real, sl
 
 
 @entry_point(**OPTIONS)
-def update(
+def _update(
     weight: Real, trace: Real, rate: Real, delta: Real, source: Real, H: float, decay: float, dt: float
 ) -> None:
     """w += dt eta H e, and then e += dt (-decay e + dV/dw), where there are connections."""
@@ -107,13 +107,15 @@ class SteppedTD(ContinuousTD):
             state = torch.tensor(x, dtype=weight.dtype, requires_grad=True)
             z = self.problem.inputs(state)
         self._source[:m] = z.detach().numpy()
-        V = value_and_slopes(weight.detach().numpy(), self._source, self._logistic, self._delta, self._slopes)
+        V = _value_and_slopes(
+            weight.detach().numpy(), self._source, self._logistic, self._delta, self._slopes
+        )
         (dVdx,) = torch.autograd.grad(z, state, torch.from_numpy(self._slopes[:m]))
         return float(V), dVdx.double().numpy()
 
     def step_weights(self, H: float) -> None:
         """One step of weights and traces after :meth:`value_and_slope`."""
-        update(
+        _update(
             self.weights[0].detach().numpy(),
             self.traces[0].numpy(),
             self.rates[0].numpy(),
