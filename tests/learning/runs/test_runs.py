@@ -323,7 +323,7 @@ def test_controls_that_cost_are_learned_by_the_reference_for_many_seeds_too(tmp_
     assert learning.rewards(states, 0.5, 0.0) == pytest.approx(mean, rel=1e-6)
 
 
-def test_another_integrator_is_learned_with_by_the_reference_for_many_seeds_too():
+def test_another_integrator_is_learned_with_step_by_step_for_many_seeds_too():
     problem = Swimming(SwimmerParameters(n_links=3), integrator="rk4")
     settings = dataclasses.replace(SETTINGS, trial_duration=0.05)
     method = TemporalDifferences(settings, neurons=4, dtype="float64").for_seeds(problem, 16)
@@ -332,7 +332,7 @@ def test_another_integrator_is_learned_with_by_the_reference_for_many_seeds_too(
     reference = ContinuousTD(problem, method.network(problem, 0), settings)
     reference.run_trial(problem.initial_states(np.random.default_rng(0), 1)[0])
     assert reference.network.weight[-1].abs().max() > 0
-    assert torch.equal(learning.network.weight, reference.network.weight)
+    assert torch.allclose(learning.network.weight, reference.network.weight, rtol=1e-10, atol=1e-14)
 
 
 def test_a_pack_computes_what_its_runs_compute_alone(tmp_path):

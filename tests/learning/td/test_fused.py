@@ -244,7 +244,7 @@ def test_refuses():
                 use(states)
     by_rk4 = FusedTD(Swimming(PAPER, integrator="rk4"), Cascade(17, 3))
     for use in (lambda: by_rk4.train(np.zeros((1, 12))), lambda: PopulationTD([by_rk4])):
-        with pytest.raises(ValueError, match="by Euler's method, got integrator 'rk4'; use ContinuousTD"):
+        with pytest.raises(ValueError, match="by Euler's method, got integrator 'rk4'; use SteppedTD"):
             use()
     for kind, why in ((CostForm, "has controls that cost"), (HoldForm, "chooses controls to be held")):
         with pytest.raises(ValueError, match=f"problem 'pendulum' {why}; use ContinuousTD"):

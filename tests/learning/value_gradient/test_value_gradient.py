@@ -403,7 +403,7 @@ def test_what_cannot_be_compiled_is_said():
     assert ValueGradientLearner(problem, logistic).engine == "torch"
     with pytest.raises(ValueError, match=r"got skip 0\.999 and duration 1\.0"):
         ValueGradientLearner(Pendulum(), multilayer(3), SMALL).rollout(np.zeros((1, 2)), 1.0, 0.999)
-    with pytest.raises(ValueError, match="by Euler's method, got integrator 'rk4'; use ContinuousTD"):
+    with pytest.raises(ValueError, match="by Euler's method, got integrator 'rk4'; use SteppedTD"):
         ValueGradientLearner(Swimming(integrator="rk4"), network)
     with pytest.raises(ValueError, match="swim5 has 17 inputs, the network 3"):
         ValueGradientLearner(problem, multilayer(3))
