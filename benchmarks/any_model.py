@@ -14,7 +14,7 @@ for nothing else.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ from rich.console import Console
 from yardstick import Row, fill, looks
 
 from swimmer_mj.cli.training import changed, configured
+from swimmer_mj.learning.problems.forms import Policy
 from swimmer_mj.learning.problems.mujoco.task import MujocoTask
 from swimmer_mj.learning.problems.mujoco.tasks import dm_control, gymnasium
 from swimmer_mj.learning.value_gradient.method import ValueGradients
@@ -72,6 +73,36 @@ def fresh(task: str) -> range:
     return range(1000, 1200) if task.startswith(AS_THE_TARGET_FALLS) else FRESH
 
 
+def watch(
+    task: str,
+    seed: int,
+    problem: MujocoTask,
+    step: Callable[[], object],
+    policy: Callable[[], Policy],
+    simulated: Callable[[], int],
+    times: Sequence[float],
+    seconds: float,
+    console: Console,
+) -> list[Row]:
+    """A row for each look at one learner while it learns by ``step``, and one for what its best look kept."""
+    rows: list[Row] = []
+    best, best_return, best_time = policy(), -np.inf, 0.0
+
+    def row(look: str, at: float, returns: NDArray[np.float64]) -> None:
+        numbers = (f"{value:.4f}" for value in (returns.mean(), returns.min(), returns.max()))
+        rows.append((task, seed, look, f"{at:.1f}", simulated(), *numbers))
+        console.print(*rows[-1])
+
+    for clock in looks(step, times, seconds):
+        at, now = clock.before[0], policy()
+        returns = problem.returns(now, looked_at(task))
+        row("of the learner", at, returns)
+        if returns.mean() > best_return:
+            best, best_return, best_time = now, returns.mean(), at
+    row("best", best_time, problem.returns(best, fresh(task)))
+    return rows
+
+
 def learn(
     task: str, seed: int, seconds: float, console: Console, settings: Sequence[str] = ("threads=1",)
 ) -> list[Row]:
@@ -80,25 +111,19 @@ def learn(
     problem, method = config.problem, config.method
     assert isinstance(problem, MujocoTask)
     assert isinstance(method, ValueGradients)
-    learning = method.start(problem, seed)
-    learner = learning.learner
+    learner = method.start(problem, seed).learner
     learner.step()  # compiles
-    rows: list[Row] = []
-    best, best_return, best_time = learner.policy(), -np.inf, 0.0
-
-    def row(look: str, at: float, returns: NDArray[np.float64]) -> None:
-        numbers = (f"{value:.4f}" for value in (returns.mean(), returns.min(), returns.max()))
-        rows.append((task, seed, look, f"{at:.1f}", learner.simulation_steps, *numbers))
-        console.print(*rows[-1])
-
-    for clock in looks(learner.step, looks_at(task), seconds):
-        at, policy = clock.before[0], learner.policy()
-        returns = problem.returns(policy, looked_at(task))
-        row("of the learner", at, returns)
-        if returns.mean() > best_return:
-            best, best_return, best_time = policy, returns.mean(), at
-    row("best", best_time, problem.returns(best, fresh(task)))
-    return rows
+    return watch(
+        task,
+        seed,
+        problem,
+        learner.step,
+        learner.policy,
+        lambda: learner.simulation_steps,
+        looks_at(task),
+        seconds,
+        console,
+    )
 
 
 def main(

@@ -17,14 +17,14 @@ from pathlib import Path
 import numpy as np
 import torch
 import tyro
-from any_model import COLUMNS, fresh, looked_at
-from numpy.typing import NDArray
+from any_model import COLUMNS, watch
 from rich.console import Console
-from yardstick import Row, fill, looks
+from yardstick import Row, fill
 
 from swimmer_mj.cli.training import changed, configured
+from swimmer_mj.learning.problems.forms import Policy
 from swimmer_mj.learning.problems.mujoco.task import MujocoTask
-from swimmer_mj.learning.td.method import TDLearning, TemporalDifferences
+from swimmer_mj.learning.td.method import TemporalDifferences
 
 OUT = Path(__file__).parent / "results" / "td-on-mujoco.csv"
 TASKS = ("dm_control/pendulum/swingup",)
@@ -40,28 +40,23 @@ def learn(
     problem, method = config.problem, config.method
     assert isinstance(problem, MujocoTask)
     assert isinstance(method, TemporalDifferences)
-    learning: TDLearning = method.start(problem, seed)
+    learning = method.start(problem, seed)
     learning.learn(1)  # compiles
-    rows: list[Row] = []
-    best, best_return, best_time = None, -np.inf, 0.0
 
-    def row(look: str, at: float, returns: NDArray[np.float64]) -> None:
-        numbers = (f"{value:.4f}" for value in (returns.mean(), returns.min(), returns.max()))
-        steps = learning.trials * method.settings.steps_per_trial
-        rows.append((task, seed, look, f"{at:.1f}", steps, *numbers))
-        console.print(*rows[-1])
+    def policy() -> Policy:
+        return method.policy(problem, {name: tensor.clone() for name, tensor in learning.result().items()})
 
-    for clock in looks(lambda: learning.learn(1), tuple(np.arange(EVERY, seconds, EVERY)), seconds):
-        at = clock.before[0]
-        weights = {name: tensor.clone() for name, tensor in learning.result().items()}
-        policy = method.policy(problem, weights)
-        returns = problem.returns(policy, looked_at(task))
-        row("of the learner", at, returns)
-        if returns.mean() > best_return:
-            best, best_return, best_time = policy, returns.mean(), at
-    assert best is not None
-    row("best", best_time, problem.returns(best, fresh(task)))
-    return rows
+    return watch(
+        task,
+        seed,
+        problem,
+        lambda: learning.learn(1),
+        policy,
+        lambda: learning.trials * method.settings.steps_per_trial,
+        np.arange(EVERY, seconds, EVERY).tolist(),
+        seconds,
+        console,
+    )
 
 
 def main(

@@ -48,7 +48,7 @@ def compiled_form(problem: ControlProblem) -> CompiledForm:
     """The compiled form of ``problem``; ValueError if a compiled learner cannot learn it."""
     compiled, why = problem.form(CompiledForm), obstacle(problem)
     if compiled is None or why is not None:
-        raise ValueError(f"problem {problem.name!r} {why}; use ContinuousTD")
+        raise ValueError(f"problem {problem.name!r} {why}; use SteppedTD")
     return compiled
 
 

@@ -2,6 +2,7 @@
 
 import csv
 
+import any_model
 import model_tables
 import pytest
 import td_on_mujoco as td
@@ -13,8 +14,8 @@ def test_a_seed_is_learned_once_and_its_best_look_is_kept(tmp_path, monkeypatch)
     pytest.importorskip("dm_control.suite", reason="there is no dm_control here")
     out = tmp_path / "td-on-mujoco.csv"
     monkeypatch.setattr(td, "EVERY", 1.0)
-    monkeypatch.setattr(td, "looked_at", lambda task: range(1))
-    monkeypatch.setattr(td, "fresh", lambda task: range(1000, 1002))
+    monkeypatch.setattr(any_model, "looked_at", lambda task: range(1))
+    monkeypatch.setattr(any_model, "fresh", lambda task: range(1000, 1002))
     for _ in range(2):
         td.main((TASK,), (0,), 2.0, out)
     with out.open(newline="", encoding="utf-8") as file:

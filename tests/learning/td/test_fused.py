@@ -247,7 +247,7 @@ def test_refuses():
         with pytest.raises(ValueError, match="by Euler's method, got integrator 'rk4'; use SteppedTD"):
             use()
     for kind, why in ((CostForm, "has controls that cost"), (HoldForm, "chooses controls to be held")):
-        with pytest.raises(ValueError, match=f"problem 'pendulum' {why}; use ContinuousTD"):
+        with pytest.raises(ValueError, match=f"problem 'pendulum' {why}; use SteppedTD"):
             FusedTD(WithForm(kind), Cascade(3, 10))
     with pytest.raises(ValueError, match=r"vario-eta is not available one step at a time; use train\(\)"):
         FusedTD(problem, Cascade(3, 10), TDSettings(vario=VarioEta())).start_trial()
