@@ -11,7 +11,8 @@ python=${PYTHON:-python3}
 }
 "$venv/bin/python" -m pip --version >/dev/null 2>&1 || "$python" -m venv "$venv"
 echo "setup: installing into $venv; a few minutes"
-"$venv/bin/python" -m pip install --quiet --editable '.[dev]'
+# --no-compile: of 20,000 files, Python compiles those that are imported, when they are
+"$venv/bin/python" -m pip install --quiet --no-compile --editable '.[dev]'
 
 # System libraries and programs, which pip cannot bring: OSMesa draws on the CPU, without a screen or a GPU, and EGL does
 # where Mesa has OSMesa no longer; Chromium and its driver are for the tests of the browser page.
