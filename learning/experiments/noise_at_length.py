@@ -19,7 +19,7 @@ import numpy as np
 from swimmer_mj.learning.experiments.long_runs import open_run
 from swimmer_mj.learning.experiments.section_3_3 import HEADER as SHORT_HEADER
 from swimmer_mj.learning.experiments.section_3_3 import noise_summary
-from swimmer_mj.learning.experiments.tables import LOGS, Path, read_table, write_table
+from swimmer_mj.learning.experiments.tables import LOGS, Path, read_table, rows_of, write_table
 from swimmer_mj.learning.problems.swim import Swimming
 from swimmer_mj.learning.runs.config import RunConfig
 from swimmer_mj.learning.runs.run import TrainingRun
@@ -98,7 +98,7 @@ def run(
     """Learn and measure, and write :data:`LOG` in ``directory`` after each moment. About two hours on one core."""
     directory = Path(directory)
     log = directory / LOG
-    rows = _rows(log)
+    rows = rows_of(read_table(log)) if log.exists() else []
     done = {(row[1], row[4]) for row in rows}
     for n in neurons:
         wanted = [(n, eta, seed, moments[0]) for eta in etas for seed in seeds]
@@ -114,11 +114,3 @@ def run(
             report(
                 f"{n} neurons, {moment:,} trials: speeds {', '.join(f'{row.history[-1].speed:.2f}' for row in opened)}"
             )
-
-
-def _rows(log: Path) -> list[Row]:
-    """Those of an earlier call."""
-    if not log.exists():
-        return []
-    table = read_table(log)
-    return [tuple(table[name][i].item() for name in HEADER) for i in range(len(table["n"]))]

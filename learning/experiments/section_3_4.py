@@ -43,6 +43,7 @@ from swimmer_mj.learning.problems.forms import EnvironmentForm
 from swimmer_mj.learning.problems.pendulum import Pendulum
 from swimmer_mj.learning.problems.problem import EPISODE_DURATION, SETTLING_TIME, ControlProblem
 from swimmer_mj.learning.problems.swim import Swimming
+from swimmer_mj.learning.runs.checkpoint import load_checkpoint, save_checkpoint
 from swimmer_mj.learning.runs.run import evaluation_sample
 from swimmer_mj.learning.td import levenberg_marquardt, vario_eta
 from swimmer_mj.learning.td.continuous_td import TDSettings
@@ -193,6 +194,14 @@ TASKS = {
 }
 
 
+class Findings(NamedTuple):
+    """Rows of three logs."""
+
+    learning: list[Row]
+    noise: list[Row]
+    weights: list[Row]
+
+
 class Team:
     """Up to 16 learners of one task side by side, each with its method and seed; v of each weight is measured.
 
@@ -304,6 +313,42 @@ class Team:
     def _bound_of_value(self) -> float:
         return 10 * self.task.largest_value
 
+    def _settings(self) -> str:
+        task = self.task
+        return repr((task.problem, task.neurons, task.initial_variance, self.members))
+
+    def save(self, path: Path, found: Findings) -> None:
+        """Write where the team stands, and what was found of it, to ``path``: :func:`save_checkpoint`."""
+        arrays = {
+            "weight": np.stack([learner.weight.numpy() for learner in self.learners]),
+            "noise": self.noise,
+            "variance": self._variance,
+            "curvature": self._curvature,
+            "visited": self.visited,
+        }
+        info = {
+            "settings": self._settings(),
+            "trial": self.trial,
+            "rngs": [rng.bit_generator.state for rng in self.rngs],
+            "found": found._asdict(),
+        }
+        save_checkpoint(path, {name: torch.from_numpy(array) for name, array in arrays.items()}, info)
+
+    def restore(self, path: Path) -> Findings:
+        """Go on where :meth:`save` was; what was found until then. ValueError if that was another team."""
+        tensors, info = load_checkpoint(path)
+        if info["settings"] != self._settings():
+            raise ValueError(f"{path} holds runs with other settings; choose another directory with --out")
+        for learner, weight in zip(self.learners, tensors["weight"], strict=True):
+            learner.weight.copy_(weight)
+        names = ("noise", "variance", "curvature", "visited")
+        self.noise, self._variance, self._curvature, self.visited = (tensors[name].numpy() for name in names)
+        self.trial = info["trial"]
+        for rng, state in zip(self.rngs, info["rngs"], strict=True):
+            rng.bit_generator.state = state
+        self._set_rates()
+        return Findings(**{name: [tuple(row) for row in rows] for name, rows in info["found"].items()})
+
 
 def noise_and_curvature(noise: Array, curvature: Array, gradient: Array, connected: NDArray[np.bool_]) -> Row:
     """The columns of :data:`NOISE_HEADER` from "noise_min" on; all arguments have shape (n, m + n)."""
@@ -379,45 +424,61 @@ def sweep(task: Task, seeds: Sequence[int], report: Callable[[str], None] = lamb
     return rows
 
 
-class Findings(NamedTuple):
-    """Rows of three logs."""
-
-    learning: list[Row]
-    noise: list[Row]
-    weights: list[Row]
-
-
 def compare(
     task: Task,
     candidates: Sequence[Candidate],
     seeds: Sequence[int],
     report: Callable[[str], None] = lambda line: None,
+    keep: Path | None = None,
 ) -> Findings:
-    """Learn with each of ``candidates``, one a method, on each of ``seeds``."""
+    """Learn with each of ``candidates``, one a method, on each of ``seeds``.
+
+    With ``keep``, a directory, each pack is kept there after each evaluation, and goes on where it was.
+    """
     found = Findings([], [], [])
-    for members in _teams([(candidate, seed) for candidate in candidates for seed in seeds]):
+    for k, members in enumerate(_teams([(candidate, seed) for candidate in candidates for seed in seeds])):
         team = Team(task, members)
-        found.learning.extend(team.evaluate())
-        while team.trial < task.trials:
-            team.train(task.every)
-            rows = team.evaluate()
-            found.learning.extend(rows)
-            if team.trial % task.noise_every == 0:
-                for k, (candidate, seed) in enumerate(team.members):
-                    h, g = team.curvature(k)
-                    summary = noise_and_curvature(team.noise[k], h, g, team.connected)
-                    found.noise.append((task.problem.name, candidate.method, seed, team.trial, *summary))
-            report(f"{task.problem.name}, {team.trial} trials: " + ", ".join(f"{row[6]:.2f}" for row in rows))
-        for k, (candidate, seed) in enumerate(team.members):
-            if (candidate.method, seed) == (SHOWN, seeds[0]):
-                h, g = team.curvature(k)
-                for i, j in np.argwhere(team.connected):
-                    numbers = i == task.neurons - 1, team.noise[k, i, j], h[i, j], g[i, j]
-                    found.weights.append((task.problem.name, *map(float, numbers)))
+        of_team = _learn(team, None if keep is None else keep / f"pack-{k}.safetensors", report)
+        of_team.weights.extend(_weights(team, seeds[0]))
+        for log, more in zip(found, of_team, strict=True):
+            log.extend(more)
     order = {method: float(k) for k, method in enumerate(METHODS)}
     found.learning.sort(key=lambda row: (order[_method(row)], *map(float, row[4:6])))
     found.noise.sort(key=lambda row: (order[_method(row)], *map(float, row[2:4])))
     return found
+
+
+def _learn(team: Team, place: Path | None, report: Callable[[str], None]) -> Findings:
+    """All trials of ``team``, from where it was left in ``place``."""
+    task = team.task
+    found = Findings(team.evaluate(), [], [])
+    if place is not None and place.exists():
+        found = team.restore(place)
+    while team.trial < task.trials:
+        team.train(task.every)
+        rows = team.evaluate()
+        found.learning.extend(rows)
+        if team.trial % task.noise_every == 0:
+            for k, (candidate, seed) in enumerate(team.members):
+                h, g = team.curvature(k)
+                summary = noise_and_curvature(team.noise[k], h, g, team.connected)
+                found.noise.append((task.problem.name, candidate.method, seed, team.trial, *summary))
+        if place is not None:
+            team.save(place, found)
+        report(f"{task.problem.name}, {team.trial} trials: " + ", ".join(f"{row[6]:.2f}" for row in rows))
+    return found
+
+
+def _weights(team: Team, shown: int) -> list[Row]:
+    """Rows of :data:`WEIGHTS_HEADER`, if :data:`SHOWN` with the seed ``shown`` is in ``team``."""
+    rows: list[Row] = []
+    for k, (candidate, seed) in enumerate(team.members):
+        if (candidate.method, seed) == (SHOWN, shown):
+            h, g = team.curvature(k)
+            for i, j in np.argwhere(team.connected):
+                numbers = i == team.task.neurons - 1, team.noise[k, i, j], h[i, j], g[i, j]
+                rows.append((team.task.problem.name, *map(float, numbers)))
+    return rows
 
 
 def run(

@@ -19,6 +19,7 @@ __all__ = [
     "Table",
     "last_look",
     "read_table",
+    "rows_of",
     "rows_where",
     "settings_of",
     "span",
@@ -82,6 +83,11 @@ def _column(cells: Sequence[str]) -> NDArray:
         return np.array(cells, dtype=np.float64)
     except ValueError:
         return np.array(cells)
+
+
+def rows_of(table: Table) -> list[tuple[str | float, ...]]:
+    """The rows of ``table``, of numbers and text as Python has them."""
+    return list(zip(*(column.tolist() for column in table.values()), strict=True))
 
 
 def rows_where(table: Table, **equal: str | float) -> Table:

@@ -138,11 +138,19 @@ def test_rates_are_compared_by_the_best_setting_and_the_best_start(tmp_path, mon
 
     monkeypatch.setattr(rates_at_length, "sweep", sweep)
     monkeypatch.setattr(rates_at_length, "compare", compare)
-    rates_at_length.run(tmp_path, task=task, values=(0.1, 10.0, 100.0), seeds=(0, 1), sweep_seeds=(5,))
+    known = {"task": task, "values": (0.1, 10.0, 100.0), "seeds": (0, 1), "sweep_seeds": (5,)}
+    rates_at_length.run(tmp_path, **known)
     log = read_table(tmp_path / rates_at_length.SWEEP_LOG)
     assert log["initial_variance"].tolist() == [1.0] * 8 + [0.1, 10.0, 100.0]
     assert seen == [(10.0, [Candidate(method, 0.05, 0.1) for method in METHODS])]
     assert len(read_table(tmp_path / rates_at_length.LEARNING_LOG)["seed"]) == 4 * 2 * 2
+    assert (tmp_path / "runs" / "pack-0.safetensors").exists()
+
+    monkeypatch.setattr(rates_at_length, "sweep", None)  # what is logged is not swept again
+    text = (tmp_path / rates_at_length.LEARNING_LOG).read_text()
+    rates_at_length.run(tmp_path, **known)
+    assert seen[1] == seen[0]
+    assert (tmp_path / rates_at_length.LEARNING_LOG).read_text() == text
 
 
 def test_a_diverged_start_has_no_score():

@@ -104,6 +104,26 @@ def test_a_diverged_run_is_marked_and_measured():
     assert np.isfinite([lost_reward, reward]).all()
 
 
+def test_packs_go_on_where_they_were_and_find_the_same(tmp_path):
+    half = dataclasses.replace(SMALL, trials=2, noise_every=2)
+    whole = dataclasses.replace(SMALL, trials=6, noise_every=2)
+    arguments = (SMALL.candidates, (3, 4, 5, 6, 7))  # two packs
+    section_3_4.compare(half, *arguments, keep=tmp_path)
+    assert {path.name for path in tmp_path.glob("*.safetensors")} == {
+        "pack-0.safetensors",
+        "pack-1.safetensors",
+    }
+    found = section_3_4.compare(whole, *arguments, keep=tmp_path)
+    expected = section_3_4.compare(whole, *arguments)
+    assert len(found.learning) == 4 * 5 * 4
+    for log, other in zip(found, expected, strict=True):
+        assert log == other
+    with pytest.raises(
+        ValueError, match=r"pack-0.safetensors holds runs with other settings; choose another"
+    ):
+        section_3_4.compare(whole, SMALL.candidates, (3, 4, 5, 6, 8), keep=tmp_path)
+
+
 def test_the_best_setting_has_the_largest_area_and_no_diverged_run():
     def rows(candidate, rewards, diverged=0.0):
         return [("p", *candidate, k, 10, reward, diverged) for k, reward in enumerate(rewards)]

@@ -201,7 +201,10 @@ def test_learns_to_swing_up_and_hold(features, eta, trials):
         (lambda: TileCoding((ANGLE,), n_tilings=0), "n_tilings must be at least 1, got 0"),
         (lambda: TileCoding((ANGLE,), slope_width=-1.0), "slope_width must be positive and finite, got -1.0"),
         (lambda: LinearTD(Swimming(), RADIAL), "swim5 has 12 state variables, the features 2"),
-        (lambda: LinearTD(Swimming(held=True), RADIAL), "problem 'swim5' has no compiled form; use SteppedTD"),
+        (
+            lambda: LinearTD(Swimming(held=True), RADIAL),
+            "problem 'swim5' has no compiled form; use SteppedTD",
+        ),
         (lambda: LinearTD(Pendulum(), TILES, hamiltonian="gradient"), "hamiltonian must be 'difference'"),
         (
             lambda: LinearTD(Pendulum(), TILES).train(np.zeros((1, 3))),
