@@ -116,7 +116,8 @@ def draw_noise_at_length(logs: Logs = LOGS) -> Figure:
         for n, color in zip(sizes, COLORS, strict=False):
             band(axes, rows_where(table, eta=eta, n=n), "trial", "per_n", color, f"n = {n:g}")
         axes.axhline(1, linewidth=1.1, **line(INK))
-        axes.set_xscale("log")
+        log_axis(axes, "x")
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
         log_axis(axes, "y")
         axes.set_xlabel("trials")
         axes.set_title(rf"$\eta$ = {eta:g}", fontsize=10)

@@ -25,7 +25,12 @@ from swimmer_mj.learning.experiments import (
     value_bias,
 )
 from swimmer_mj.learning.experiments.tables import LOGS, Path, Table, read_table, rows_where
-from swimmer_mj.render.at_length import draw_linear_swimmer, draw_rates_at_length, draw_raw_angles
+from swimmer_mj.render.at_length import (
+    draw_linear_swimmer,
+    draw_noise_at_length,
+    draw_rates_at_length,
+    draw_raw_angles,
+)
 from swimmer_mj.render.bands import NAMES, band, end_key, mark_ends, quartiles
 from swimmer_mj.render.figures import (
     BLUE,
@@ -464,6 +469,7 @@ FIGURES: dict[str, Callable[[Logs], Figure]] = {
     "figure-2-4-links": partial(draw_long_runs, "swim4"),
     "raw-angles": draw_raw_angles,
     "section-3.3": draw_section_3_3,
+    "noise-at-length": draw_noise_at_length,
     "section-3.4": draw_section_3_4,
     "rates-at-length": draw_rates_at_length,
     "linear": draw_linear,

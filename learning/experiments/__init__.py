@@ -16,6 +16,7 @@ from swimmer_mj.learning.experiments import (
     linear_approximators,
     linear_swimmer,
     long_runs,
+    noise_at_length,
     rates_at_length,
     section_3_3,
     section_3_4,
@@ -76,6 +77,12 @@ EXPERIMENTS: dict[str, Experiment] = {
             "noise of output connections over that of internal ones against the number of neurons",
             section_3_3.run,
             (section_3_3.LOG,),
+        ),
+        Experiment(
+            "noise-at-length",
+            "section 3.3's ratio and its exponent in the number of neurons, along a million trials of the swimmer",
+            noise_at_length.run,
+            (noise_at_length.LOG,),
         ),
         Experiment(
             "section-3.4",

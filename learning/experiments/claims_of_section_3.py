@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimmer_mj.intervals import mean_and_interval_text as interval
-from swimmer_mj.learning.experiments import figure_1, rates_at_length, section_3_3, section_3_4
+from swimmer_mj.learning.experiments import (
+    figure_1,
+    noise_at_length,
+    rates_at_length,
+    section_3_3,
+    section_3_4,
+)
 from swimmer_mj.learning.experiments.section_3_3 import power_of_n
 from swimmer_mj.learning.experiments.tables import last_look, read_table, rows_where, span
 
@@ -17,6 +23,7 @@ __all__ = [
     "exponent",
     "internal_spread",
     "ratios",
+    "ratios_at_length",
     "scaled",
     "second_order",
     "small_means",
@@ -29,6 +36,7 @@ Array = NDArray[np.float64]
 
 LAST_TRIALS = 20_000
 """Of section 3.3 on the swimmer."""
+PAPER_ETA = 0.01
 
 
 def spread_of_noise(logs: Path) -> str:
@@ -87,6 +95,15 @@ def exponent(logs: Path, least: int = 30) -> tuple[float, float, float]:
     return power_of_n(last["n"][many], last["output"][many] / last["internal"][many])
 
 
+def ratios_at_length(logs: Path, eta: float) -> str:
+    """Of the ratio on the swimmer divided by n, and of its exponent, at the end of the long runs."""
+    rows = last_look(rows_where(read_table(logs / noise_at_length.LOG), eta=eta))
+    ratio, sizes = rows["output"] / rows["internal"], np.unique(rows["n"])
+    shares = ", ".join(interval(ratio[rows["n"] == n] / n, ".2g") for n in sizes)
+    b, half, _ = power_of_n(rows["n"], ratio)
+    return f"{shares} for n = {', '.join(f'{n:.0f}' for n in sizes)}, to the power {b:.2f} ± {half:.2f}"
+
+
 def ratios(logs: Path) -> str:
     """Section 3.3."""
     table = rows_where(read_table(logs / section_3_3.LOG), output_scaling=1)
@@ -106,6 +123,8 @@ def ratios(logs: Path) -> str:
     swimmer, swimmer_sizes, _ = of("swim5", LAST_TRIALS)
     (*_, early), (*_, swimmer_early) = of("pendulum", 500), of("swim5", 500)
     b, half, p = exponent(logs)
+    end = last_look(read_table(logs / noise_at_length.LOG))["trial"][0]
+    long, slow = (ratios_at_length(logs, eta) for eta in (section_3_3.ETA, PAPER_ETA))
     return (
         f"Ratio divided by n, η {section_3_3.ETA:g}, 8 seeds. Pendulum: {span(early, '.2g')} after 500 "
         "trials; after 4,000 trials "
@@ -114,8 +133,8 @@ def ratios(logs: Path) -> str:
         f"{LAST_TRIALS:,} trials "
         f"{swimmer} for n = {swimmer_sizes}, and still falling. From 30 neurons on the swimmer's ratio grows "
         "as n to the power "
-        f"{b:.2f} ± {half:.2f} (least squares over all networks; p = {p:.2f} for a power of 1); its factor "
-        "falls as training goes on"
+        f"{b:.2f} ± {half:.2f} (least squares over all networks; p = {p:.2f} for a power of 1). After {end:,.0f} "
+        f"trials: {long}; by the paper's η, {PAPER_ETA:g}: {slow}"
     )
 
 

@@ -95,7 +95,7 @@ def run(
     metered: int = METERED,
     report: Callable[[str], None] = lambda line: None,
 ) -> None:
-    """Learn and measure, and write :data:`LOG` in ``directory`` after each moment. About two hours on one core."""
+    """Learn and measure, and write :data:`LOG` in ``directory`` after each moment. About three hours on one core."""
     directory = Path(directory)
     log = directory / LOG
     rows = rows_of(read_table(log)) if log.exists() else []

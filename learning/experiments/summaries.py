@@ -352,6 +352,7 @@ TABLES: dict[str, Callable[[Logs], Summary]] = {
     "figure-2-4-links": partial(learning_times, "swim4"),
     "raw-angles": summaries_at_length.raw_angles,
     "section-3.3": noise_ratios,
+    "noise-at-length": summaries_at_length.noise,
     "rates-at-length": summaries_at_length.rates,
     "linear-swimmer": summaries_at_length.linear,
     "what-decides": speeds_by_setting,
