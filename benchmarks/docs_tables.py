@@ -61,6 +61,7 @@ RESULTS: dict[str, Callable[[], summaries.Summary]] = {
     "gait-accelerations": gait_tables.accelerations,
     "gait-basins": gait_tables.basins,
     "gait-shares": gait_tables.shares,
+    "ways-out": gait_tables.ways_out,
     "any-model": model_tables.any_model,
     "task-settings": model_tables.task_settings,
     "round-cost": model_tables.round_cost,

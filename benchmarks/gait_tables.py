@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from swimmer_mj.intervals import mean_and_interval_text
 from swimmer_mj.learning.experiments.gaits.gait import GLIDE
 from swimmer_mj.learning.experiments.summaries import Summary
 from swimmer_mj.learning.experiments.tables import LOGS, read_table, rows_where, span
@@ -145,4 +146,27 @@ def shares() -> Summary:
         folded = f"{table['folded'][i]:.0%}"
         rows.append((f"`{name}`", f"{pull:.4f}", f"{best:g}" if best else "no best", interval, share, folded))
     header = ("policy", "pull, m/s²", "best known gait, m/s", "policy, m/s", "share", "of the time folded")
+    return Summary("", header, rows)
+
+
+def ways_out() -> Summary:
+    """What was tried to lead learners away from folding."""
+    table = read_table(RESULTS / "ways-out.csv")
+    rows = []
+    for name in dict.fromkeys(table["name"].tolist()):
+        of = rows_where(table, name=name)
+        steps, folded = of["simulation_steps"] / 1e6, np.count_nonzero(of["folded"] > 0.5)
+        speeds = (mean_and_interval_text(of[column]) for column in ("speed", "steady_speed"))
+        rows.append(
+            (name, str(len(steps)), f"{steps.mean():.1f}", *speeds, span(of["steady_speed"]), str(folded))
+        )
+    header = (
+        "learner",
+        "seeds",
+        "million steps",
+        "speed, m/s",
+        "steady, m/s",
+        "slowest to fastest",
+        "folded",
+    )
     return Summary("", header, rows)

@@ -60,3 +60,17 @@ def test_starts_are_told_apart():
     assert all(int(cell.split()[0]) <= int(cell.split()[-1]) for row in counted for cell in row)
     of_all = [sum(int(cell.split()[-1]) for cell in row) for row in counted]
     assert of_all == [int(row[2]) for row in gait_tables.basins().rows]
+
+
+def test_ways_out_are_summed_up_by_learner(tmp_path, monkeypatch):
+    lines = ["name,seed,cpu_seconds,simulation_steps,speed,steady_speed,folded"]
+    lines += ["as train,1,20,8000000,2.0,2.1,1.0", "as train,2,20,9000000,2.2,2.5,0.4"]
+    lines += ['"joints, held",1,20,4000000,2.8,3.0,0.0', '"joints, held",2,20,4000000,2.8,3.0,0.6']
+    (tmp_path / "ways-out.csv").write_text("\n".join(lines) + "\n")
+    monkeypatch.setattr(gait_tables, "RESULTS", tmp_path)
+    as_train, joints = gait_tables.ways_out().rows
+    assert as_train[:3] == ("as train", "2", "8.5")
+    assert as_train[3].startswith("2.10 [")
+    assert as_train[4].startswith("2.30 [")
+    assert as_train[5:] == ("2.10 to 2.50", "1")
+    assert joints[5:] == ("3.00 to 3.00", "1")
