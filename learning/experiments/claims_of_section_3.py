@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from swimmer_mj.intervals import mean_and_interval_text as interval
 from swimmer_mj.learning.experiments import (
     figure_1,
+    long_runs,
     noise_at_length,
     rates_at_length,
     section_3_3,
@@ -36,7 +37,6 @@ Array = NDArray[np.float64]
 
 LAST_TRIALS = 20_000
 """Of section 3.3 on the swimmer."""
-PAPER_ETA = 0.01
 
 
 def spread_of_noise(logs: Path) -> str:
@@ -124,7 +124,8 @@ def ratios(logs: Path) -> str:
     (*_, early), (*_, swimmer_early) = of("pendulum", 500), of("swim5", 500)
     b, half, p = exponent(logs)
     end = last_look(read_table(logs / noise_at_length.LOG))["trial"][0]
-    long, slow = (ratios_at_length(logs, eta) for eta in (section_3_3.ETA, PAPER_ETA))
+    paper = long_runs.ETAS["paper"]
+    long, slow = (ratios_at_length(logs, eta) for eta in (section_3_3.ETA, paper))
     return (
         f"Ratio divided by n, η {section_3_3.ETA:g}, 8 seeds. Pendulum: {span(early, '.2g')} after 500 "
         "trials; after 4,000 trials "
@@ -134,7 +135,7 @@ def ratios(logs: Path) -> str:
         f"{swimmer} for n = {swimmer_sizes}, and still falling. From 30 neurons on the swimmer's ratio grows "
         "as n to the power "
         f"{b:.2f} ± {half:.2f} (least squares over all networks; p = {p:.2f} for a power of 1). After {end:,.0f} "
-        f"trials: {long}; by the paper's η, {PAPER_ETA:g}: {slow}"
+        f"trials: {long}; by the paper's η, {paper:g}: {slow}"
     )
 
 
